@@ -1,0 +1,227 @@
+"""params.yaml as frozen pydantic models: every constant once, typed, checked before any work begins."""
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from mimo.rewards import REWARDS
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(gt=0)]
+Limb = Literal["left_foot", "right_foot", "left_hand", "right_hand"]
+Condition = Literal["free", "noisy"]
+
+
+class ParamsError(ValueError):
+    """params.yaml does not hold; the message has one sentence for each fault."""
+
+
+class Section(BaseModel):
+    """A part of params.yaml: unknown keys, text for numbers and later changes are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Protocol(Section):
+    """Timing of a run (paper §2.3, §2.4). Steps are agent steps, updates are physics updates of `timestep` seconds."""
+
+    limb: Limb
+    baseline_steps: Count
+    attached_steps: Count
+    extinction_steps: Count
+    updates_per_step: Count
+    torque_updates: Count
+    timestep: Positive
+
+    @model_validator(mode="after")
+    def _torque_fits(self) -> "Protocol":
+        if self.torque_updates > self.updates_per_step:
+            raise ValueError("torque_updates must not exceed updates_per_step")
+        return self
+
+
+class ConditionParams(Section):
+    """What disturbs the mobile: `force` in N at every update."""
+
+    force: NonNegative
+
+
+class Conditions(Section):
+    """The paper's two conditions (§2.4)."""
+
+    free: ConditionParams
+    noisy: ConditionParams
+
+
+class World(Section):
+    """Mobile, suspension and rope, in SI units; linear constants refer to the mobile's end of the rod."""
+
+    mobile_mass: Positive
+    mobile_height: Positive
+    mobile_forward: float
+    rod_length: Positive
+    suspension_stiffness: NonNegative
+    suspension_drag: NonNegative
+    rope_stiffness: Positive
+    rope_slack: NonNegative
+
+
+class Collect(Section):
+    """The encoder's frames, taken under the resting policy."""
+
+    worlds: Count
+    steps: Annotated[int, Field(ge=5)]
+    pair_updates: Count
+    held_out: Annotated[float, Field(gt=0, lt=1)]
+
+
+class Encoder(Section):
+    """U-Net, projector and their training (paper appendix)."""
+
+    widths: Annotated[list[Count], Field(min_length=4, max_length=4)]
+    latent: Count
+    projection: Count
+    pairs: Annotated[int, Field(ge=2)]
+    tau: Positive
+    iterations: Count
+    learning_rate: Positive
+    cltt_weight: NonNegative
+    latent_sd: Positive
+
+
+class Agent(Section):
+    """Expected SARSA (paper §3.1, §3.6, appendix)."""
+
+    hidden: Count
+    learning_rate: Positive
+    gamma: Annotated[float, Field(ge=0, lt=1)]
+    temperature: Positive
+    move_bias: float
+
+
+class Outcomes(Section):
+    """Quantile models of p(h|a) and p(h) (paper §3.4.2)."""
+
+    quantiles: Count
+    kappa: Positive
+    learning_rate: Positive
+    batch: Count
+    memory: Count
+
+
+class Calibrate(Section):
+    """How the rewards' scales are measured."""
+
+    steps: Annotated[int, Field(ge=2)]
+    worlds: Count
+
+
+class Cais(Section):
+    """Which actions CAIS pays: `move` pays MOVE alone, `taken` whichever action was taken."""
+
+    pays: Literal["move", "taken"]
+
+
+class Rewards(Section):
+    """The gain that all rewards share, and a section for each reward that has constants of its own."""
+
+    gain: Positive
+    cais: Cais
+
+
+class Sweep(Section):
+    """Which runs the paper is made of."""
+
+    conditions: Annotated[list[Condition], Field(min_length=1)]
+    rewards: Annotated[list[str], Field(min_length=1)]
+    seeds: Count
+    chunk: Count
+
+    @model_validator(mode="after")
+    def _known(self) -> "Sweep":
+        for name, given in (("conditions", self.conditions), ("rewards", self.rewards)):
+            if len(set(given)) < len(given):
+                raise ValueError(f"{name} names one entry twice")
+        for reward in self.rewards:
+            parts = reward.split("_")
+            unknown = [part for part in parts if part not in REWARDS]
+            if unknown:
+                raise ValueError(f"rewards has {reward!r}, but {_unknown(unknown[0], list(REWARDS))}")
+            if len(set(parts)) < len(parts):
+                raise ValueError(f"rewards has {reward!r}, which adds one reward twice")
+        return self
+
+
+class Params(Section):
+    """The whole of params.yaml."""
+
+    seed: Annotated[int, Field(ge=0)]
+    protocol: Protocol
+    conditions: Conditions
+    world: World
+    collect: Collect
+    encoder: Encoder
+    agent: Agent
+    outcomes: Outcomes
+    calibrate: Calibrate
+    rewards: Rewards
+    sweep: Sweep
+
+    @model_validator(mode="after")
+    def _across(self) -> "Params":
+        if self.collect.pair_updates >= self.protocol.updates_per_step:
+            raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
+        return self
+
+
+def load(path: str | Path = "params.yaml") -> Params:
+    """Read and check params.yaml.
+
+    Raises:
+        ParamsError: unreadable, or one or more values do not hold; all faults at once, a sentence each.
+    """
+    path = Path(path)
+    try:
+        raw = yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise ParamsError(f"{path} is missing; run from the project's top folder.") from None
+    except yaml.YAMLError as error:
+        raise ParamsError(f"{path} is not valid YAML: {error}") from None
+    try:
+        return Params.model_validate(raw)
+    except ValidationError as error:
+        faults = [f"{path}: {_sentence(dict(fault))}" for fault in error.errors()]
+        raise ParamsError("\n".join(faults)) from None
+
+
+def _sentence(fault: dict[str, object]) -> str:
+    location = fault["loc"]
+    assert isinstance(location, tuple)
+    key = ".".join(str(part) for part in location) or "the file"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "extra_forbidden":
+        return f"{key} is not a known key; {_unknown(str(location[-1]), _keys(location[:-1]))}."
+    if fault["type"] == "missing":
+        return f"{key} is missing."
+    given = fault["input"]
+    shown = f" (it is {given!r})" if isinstance(given, str | int | float | None) else ""
+    return f"{key}: {message[:1].lower()}{message[1:]}{shown}."
+
+
+def _keys(location: tuple[object, ...]) -> list[str]:
+    model: type[BaseModel] = Params
+    for part in location:
+        annotation = model.model_fields[str(part)].annotation
+        assert isinstance(annotation, type) and issubclass(annotation, BaseModel)
+        model = annotation
+    return list(model.model_fields)
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+    return f"{name!r} is unknown: {hint}"

@@ -1,0 +1,22 @@
+"""Random streams: one generator for each (root seed, condition, seed, purpose), whatever else runs.
+
+The reward is no part of the key: all rewards of a condition see the same noise for the same seed (paired comparison).
+"""
+
+import numpy as np
+
+PURPOSES = ("noise", "direction", "policy", "weights", "memory", "collect", "encoder")
+CONDITIONS = ("free", "noisy")
+
+
+def generator(root: int, condition: str, seed: int, purpose: str) -> np.random.Generator:
+    """The generator of one purpose of one run.
+
+    Args:
+        root: `seed` of params.yaml.
+        condition: free or noisy.
+        seed: index of the run's seed, from 0.
+        purpose: one of PURPOSES.
+    """
+    key = (CONDITIONS.index(condition), seed, PURPOSES.index(purpose))
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(root, spawn_key=key)))

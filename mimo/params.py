@@ -1,6 +1,7 @@
 """params.yaml as frozen pydantic models: every constant once, typed, checked before any work begins."""
 
 import difflib
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -202,14 +203,23 @@ def _sentence(fault: dict[str, object]) -> str:
     location = fault["loc"]
     assert isinstance(location, tuple)
     key = ".".join(str(part) for part in location) or "the file"
-    message = str(fault["msg"]).removeprefix("Value error, ")
     if fault["type"] == "extra_forbidden":
-        return f"{key} is not a known key; {_unknown(str(location[-1]), _keys(location[:-1]))}."
+        return f"{key} is not a known key; {_nearest(str(location[-1]), _keys(location[:-1]))}."
     if fault["type"] == "missing":
         return f"{key} is missing."
-    given = fault["input"]
-    shown = f" (it is {given!r})" if isinstance(given, str | int | float | None) else ""
-    return f"{key}: {message[:1].lower()}{message[1:]}{shown}."
+    if fault["type"] == "model_type":
+        return f"{key} must be a section of keys and values."
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    rule = f" must {message[13:]}" if message.startswith("Input should ") else f": {message[:1].lower()}{message[1:]}"
+    return f"{key}{rule}{_given(fault['input'])}."
+
+
+def _given(value: object) -> str:
+    if not isinstance(value, str | int | float | None):
+        return ""
+    looks_a_number = isinstance(value, str) and re.fullmatch(r"[-+.\deE]*\d[-+.\deE]*", value)
+    hint = ", which is text: write it without quotes, and as 0.001 rather than 1e-3" if looks_a_number else ""
+    return f"; it is {value!r}{hint}"
 
 
 def _keys(location: tuple[object, ...]) -> list[str]:
@@ -222,6 +232,9 @@ def _keys(location: tuple[object, ...]) -> list[str]:
 
 
 def _unknown(name: str, known: list[str]) -> str:
+    return f"{name!r} is unknown; {_nearest(name, known)}"
+
+
+def _nearest(name: str, known: list[str]) -> str:
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-    return f"{name!r} is unknown: {hint}"
+    return f"perhaps {near[0]!r} is meant" if near else f"known are {', '.join(known)}"

@@ -5,7 +5,18 @@ The reward is no part of the key: all rewards of a condition see the same noise 
 
 import numpy as np
 
-PURPOSES = ("noise", "direction", "policy", "weights", "memory", "collect", "encoder")
+PURPOSES = (
+    "noise",  # the force on the mobile
+    "direction",  # of each joint's torque
+    "policy",
+    "weights",  # initial, of the agent
+    "memory",  # batches of the outcome models
+    "collect",
+    "collect_noise",
+    "encoder",
+    "calibrate",
+    "calibrate_memory",
+)
 CONDITIONS = ("free", "noisy")
 
 

@@ -1,0 +1,51 @@
+# make paper | preview | test | check | format | bench. `make` alone lists them.
+
+PYTHON ?= python3.11
+MUJOCO_GL ?= egl
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+export MUJOCO_GL
+export DVC_NO_ANALYTICS := 1
+export RAY_USAGE_STATS_ENABLED := 0
+
+STAMP := .venv/.stamp
+
+.DEFAULT_GOAL := help
+.PHONY: help paper preview test check format bench .venv
+
+help: ## List the commands
+	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+
+paper: $(STAMP) ## Every figure, table and claim of the paper: only what is missing is computed
+	@if dvc status -q; then \
+	  echo "Nothing to do: reports/index.html is up to date."; \
+	else \
+	  python -m stages.gl --install && dvc repro && echo "Done: reports/index.html"; \
+	fi
+
+preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
+	@python -m stages.gl --install
+	@python -m stages.preview
+
+test: $(STAMP) ## The whole test suite
+	@python -m stages.gl --install
+	python -m pytest
+
+check: $(STAMP) ## Format, lint, types
+	ruff format --check .
+	ruff check .
+	mypy
+
+format: $(STAMP) ## Put the code in the project's format
+	ruff format .
+	ruff check --fix .
+
+bench: $(STAMP) ## Time an agent step
+	python benchmarks/agent_step.py
+
+.venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
+
+$(STAMP): requirements.lock
+	@test -x .venv/bin/python || $(PYTHON) -m venv .venv
+	@echo "Installing requirements.lock into .venv"
+	@.venv/bin/python -m pip install -qq --disable-pip-version-check -r requirements.lock
+	@touch $@

@@ -1,0 +1,238 @@
+"""One run of the paper's experiment (§2): an agent, a reward, a condition, a seed; 2500 steps through three phases.
+
+Several seeds run in lock step, for speed alone: a run's bytes are the same in any company.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mimo import identity, rewards, scene, streams
+from mimo.agent import JOINTS, MOVE, Agents
+from mimo.artifact import Dataset
+from mimo.encoder import LEVELS, Extractor, Trained
+from mimo.eye import Eye
+from mimo.outcomes import Outcomes, taus
+from mimo.params import Params, Protocol
+from mimo.world import Worlds
+
+SCHEMA = "run"
+PHASES = ("baseline", "attached", "extinction")  # paper §2.4
+
+Record = dict[str, Dataset]
+
+
+class RunError(RuntimeError):
+    """A run came to nothing; the message names condition, reward, seed and step."""
+
+
+def steps(protocol: Protocol) -> int:
+    """Agent steps of a whole run."""
+    return protocol.baseline_steps + protocol.attached_steps + protocol.extinction_steps
+
+
+def phase(protocol: Protocol, step: int) -> str:
+    """Which of PHASES agent step `step`, counted from 0, belongs to."""
+    if step < protocol.baseline_steps:
+        return "baseline"
+    return "attached" if step < protocol.baseline_steps + protocol.attached_steps else "extinction"
+
+
+def inputs(
+    params: Params, condition: str, reward: str, seed: int, encoder: str, scales: Mapping[str, float]
+) -> dict[str, Any]:
+    """All that a run's bytes depend on; identity.digest of it names the run.
+
+    Args:
+        params: all of params.yaml; only what the run reads counts.
+        condition, reward, seed: which run.
+        encoder: content hash of the encoder.
+        scales: each reward's scale; only those of the run's parts count.
+    """
+    parts = reward.split("_")
+    read: dict[str, Any] = {
+        "seed": params.seed,
+        "protocol": params.protocol.model_dump(),
+        "world": params.world.model_dump(),
+        "condition": getattr(params.conditions, condition).model_dump(),
+        "encoder": {name: getattr(params.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")},
+        "agent": params.agent.model_dump(),
+        "rewards": {"gain": params.rewards.gain}
+        | {part: own.model_dump() for part in parts if (own := getattr(params.rewards, part, None))},
+    }
+    if rewards.needs_outcomes(reward):
+        read["outcomes"] = params.outcomes.model_dump()
+    return {
+        "params": read,
+        "condition": condition,
+        "reward": reward,
+        "seed": seed,
+        "encoder": encoder,
+        "scales": {part: scales[part] for part in parts},
+        "code": identity.code("mimo.experiment", rewards=parts),
+        "versions": identity.versions(),
+    }
+
+
+def initial_quantiles(settings: Params, trained: Trained) -> Tensor:
+    """(latent, quantiles) where every outcome model starts: h's marginal quantiles over the encoder's frames."""
+    levels = taus(settings.outcomes.quantiles).numpy()
+    start = np.stack([np.interp(levels, LEVELS, row) for row in trained.quantiles])
+    return torch.from_numpy(start.astype(np.float32))
+
+
+class Experiment:
+    """Some seeds of one condition and reward, in lock step.
+
+    Args:
+        params: all of params.yaml.
+        condition: free or noisy.
+        reward: a reward's name, or several joined by "_".
+        seeds: seed indices.
+        trained: the encoder.
+        scales: by reward name, the SD by which it is divided.
+    """
+
+    def __init__(
+        self,
+        params: Params,
+        condition: str,
+        reward: str,
+        seeds: Sequence[int],
+        trained: Trained,
+        scales: Mapping[str, float],
+    ) -> None:
+        torch.set_num_threads(1)
+        self.params, self.condition, self.reward, self.seeds = params, condition, reward, tuple(seeds)
+
+        def generators(purpose: str) -> list[np.random.Generator]:
+            return [streams.generator(params.seed, condition, seed, purpose) for seed in seeds]
+
+        built = scene.build(params.world, params.protocol)
+        self.worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
+        self.eye = Eye(built)
+        self.extractor = Extractor(params.encoder, trained)
+        self.parts = rewards.parts(reward, params.rewards)
+        self._gains = [params.rewards.gain / scales[part.name] for part in self.parts]
+        self._direction, self._policy = generators("direction"), generators("policy")
+        self.latent = self.extractor(self.eye.frames(self.worlds.qpos))
+        self.state = self._state(self.worlds.proprioception())
+        self.agents = Agents(params.agent, self.state.shape[1], generators("weights"))
+        self.outcomes = None
+        if rewards.needs_outcomes(reward):
+            self.outcomes = Outcomes(params.outcomes, initial_quantiles(params, trained), generators("memory"))
+        self.log = _Log(len(self.seeds), steps(params.protocol))
+
+    def run(self, progress: Callable[[int], None] = lambda done: None) -> list[Record]:
+        """All steps of all phases.
+
+        Args:
+            progress: called with the number of agent steps done by each seed.
+
+        Returns:
+            One record a seed: what artifact.write takes.
+
+        Raises:
+            RunError: physics diverged or a number is not finite.
+        """
+        with self.eye:
+            for step in range(steps(self.params.protocol)):
+                try:
+                    self.step(step)
+                except (ArithmeticError, RuntimeError) as fault:
+                    raise RunError(f"{self._name()} stopped at step {step + 1}: {fault}") from fault
+                progress(step + 1)
+        return self.log.records()
+
+    def step(self, step: int) -> None:
+        """One agent step, counted from 0 (paper §2.3, fig. 1B)."""
+        values = self.agents.values(self.state)
+        probability = self.agents.move_probability(values)
+        chance = np.stack([generator.random(JOINTS) for generator in self._policy])
+        positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
+        moved = chance < probability.numpy()
+        outcome = self.worlds.step(
+            self.worlds.torque(moved, positive), phase(self.params.protocol, step) == "attached"
+        )
+        latent = self.extractor(self.eye.frames(self.worlds.qpos))
+        action = torch.from_numpy(moved)
+        transition = rewards.Transition(
+            path_length=torch.from_numpy(outcome.path_length).float(),
+            latent_before=self.latent,
+            latent=latent,
+            action=action,
+            influence=self.outcomes.influence() if self.outcomes else None,
+            expectation=self.outcomes.expectation(action) if self.outcomes else None,
+        )
+        parts = [part(transition) for part in self.parts]
+        reward = torch.stack([gain * part for gain, part in zip(self._gains, parts, strict=True)]).sum(dim=0)
+        before, self.latent = self.state, latent
+        self.state = self._state(outcome.proprioception)
+        error = self.agents.update(before, action, reward, self.state)
+        if not bool(torch.isfinite(error).all()):
+            bad = [seed for seed, row in zip(self.seeds, error, strict=True) if not bool(torch.isfinite(row).all())]
+            raise FloatingPointError(f"the TD error of seed {bad[0]} is not finite")
+        if self.outcomes:
+            self.outcomes.update(action, latent)
+        entry = {
+            "action": moved,
+            "positive": positive,
+            "centre_of_mass": outcome.centre_of_mass,
+            "path_length": outcome.path_length,
+            "latent_length": (latent - transition.latent_before).square().sum(-1).sqrt(),
+            "q": values,
+            "move_probability": probability,
+            "reward": reward,
+        }
+        entry |= {f"part/{part.name}": raw for part, raw in zip(self.parts, parts, strict=True)}
+        if transition.influence is not None:
+            entry["influence"] = transition.influence[..., MOVE]
+        self.log.add(step, entry)
+
+    def _state(self, proprioception: np.ndarray) -> Tensor:
+        """(N, 47 + latent): joint angles in rad, then h (paper §3.2)."""
+        return torch.cat([torch.from_numpy(proprioception).float(), self.latent], dim=1)
+
+    def _name(self) -> str:
+        which = f"seed {self.seeds[0]}" if len(self.seeds) == 1 else f"seeds {', '.join(map(str, self.seeds))}"
+        return f"{self.condition}, {self.reward}, {which}"
+
+
+class _Log:
+    """What is kept of every step; arrays are made on first sight, (seed, step, ...)."""
+
+    MEANING = {  # units, axes
+        "action": ("1 = MOVE", "step, joint"),
+        "positive": ("1 = towards the upper torque limit", "step, joint"),
+        "centre_of_mass": ("m", "step, xyz"),
+        "path_length": ("m", "step"),
+        "latent_length": ("h", "step"),
+        "q": ("scaled reward", "step, joint, action"),
+        "move_probability": ("1", "step, joint"),
+        "reward": ("scaled reward", "step, joint"),
+        "influence": ("h", "step, joint"),
+    }
+
+    def __init__(self, seeds: int, steps: int) -> None:
+        self._shape = (seeds, steps)
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def add(self, step: int, entry: Mapping[str, np.ndarray | Tensor]) -> None:
+        for name, value in entry.items():
+            value = np.asarray(value)
+            if name not in self._arrays:
+                dtype = np.uint8 if value.dtype == bool else np.float32
+                self._arrays[name] = np.zeros((*self._shape, *value.shape[1:]), dtype)
+            self._arrays[name][:, step] = value
+
+    def records(self) -> list[Record]:
+        return [
+            {
+                name: Dataset(values[seed], *self.MEANING.get(name, ("own units", "step, joint")))
+                for name, values in self._arrays.items()
+            }
+            for seed in range(self._shape[0])
+        ]

@@ -1,0 +1,181 @@
+"""Identity: what must change a digest does, and nothing else does."""
+
+import ast
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from mimo import identity
+from mimo.identity import IdentityError
+
+REWARDS = '''
+"""Rewards."""
+REGISTRY = {}
+
+class Reward:
+    name: str
+    def __init_subclass__(cls):
+        REGISTRY[cls.name] = cls
+
+class Mtl(Reward):
+    name = "mtl"
+    gain = 1.0
+
+class Rtl(Mtl):
+    name = "rtl"
+
+class Cais(Reward):
+    name: str = "cais"
+    gain = 2.0
+'''
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A small package: experiment -> world -> body (within a function), experiment -> rewards -> outcomes."""
+    sources = {
+        "__init__": '"""Package."""\n',
+        "experiment": "from mimo import params, rewards\nfrom mimo.world import World\nSTEPS = 2500\n",
+        "world": "import numpy\n\nclass World:\n    def start(self):\n        import mimo.body\n",
+        "body": "MASS = 10.9\n",
+        "rewards": "from .outcomes import w1\n" + REWARDS,
+        "outcomes": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from mimo.eye import Eye\n",
+        "params": "from mimo.eye import Eye\n",
+        "eye": "class Eye: ...\n",
+    }
+    (tmp_path / "mimo").mkdir()
+    for name, source in sources.items():
+        (tmp_path / "mimo" / f"{name}.py").write_text(source)
+    return tmp_path
+
+
+def edit(root: Path, module: str, old: str, new: str) -> None:
+    path = root / "mimo" / f"{module}.py"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+
+
+def test_imports_are_followed(root: Path) -> None:
+    found = identity.code("mimo.experiment", root=root)
+    assert list(found) == ["mimo", *(f"mimo.{name}" for name in ("body", "experiment", "outcomes", "rewards", "world"))]
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("body", "MASS = 10.9", "MASS  =  10.90 # kg"),
+        ("body", "MASS", '"""Body.\n\nTable."""\nMASS'),
+        ("body", "10.9\n", '10.9\n"""kg"""\n'),
+        ("world", "class World:\n", 'class World:\n    """A world."""\n\n'),
+        ("world", "(self):\n", '(self):\n        """Start."""\n'),
+        ("outcomes", "import Eye", "import Eye, Nose"),
+        ("params", "import Eye", "import Nose"),
+        ("eye", "...", "size = 128"),
+    ],
+)
+def test_comments_docstrings_formatting_and_type_checking_do_not_count(
+    root: Path, module: str, old: str, new: str
+) -> None:
+    before = identity.code("mimo.experiment", root=root)
+    edit(root, module, old, new)
+    assert identity.code("mimo.experiment", root=root) == before
+
+
+def test_a_constant_counts_in_its_module_alone(root: Path) -> None:
+    before = identity.code("mimo.experiment", root=root)
+    edit(root, "body", "10.9", "11.0")
+    after = identity.code("mimo.experiment", root=root)
+    assert {name for name in after if after[name] != before[name]} == {"mimo.body"}
+
+
+def test_a_reward_concerns_its_own_runs_alone(root: Path) -> None:
+    def code(*rewards: str) -> dict[str, str]:
+        return identity.code("mimo.experiment", rewards=rewards, root=root)
+
+    names = ("mtl", "rtl", "cais")
+    before = {name: code(name) for name in names}
+    assert before["mtl"] != before["cais"] != code("mtl", "cais")
+    edit(root, "rewards", "gain = 2.0", "gain = 3.0")
+    assert [code(name) == before[name] for name in names] == [True, True, False]
+    edit(root, "rewards", "gain = 1.0", "gain = 4.0")  # RTL inherits it
+    assert [code(name) == before[name] for name in names] == [False, False, False]
+    before = {name: code(name) for name in names}
+    with (root / "mimo/rewards.py").open("a") as file:
+        file.write('\nclass Novelty(Reward):\n    name = "novelty"\n')
+    assert {name: code(name) for name in names} == before
+    with pytest.raises(IdentityError, match="no class named 'joy'; it has cais, mtl, novelty, rtl"):
+        code("joy")
+
+
+def test_relative_imports_and_packages(root: Path) -> None:
+    (root / "mimo/deep").mkdir()
+    (root / "mimo/deep/__init__.py").write_text("from .. import body\n")
+    (root / "mimo/deep/inner.py").write_text("from . import other\nfrom ..eye import Eye\n")
+    (root / "mimo/deep/other.py").write_text("import mimology, numpy as mimo\n")
+    found = identity.code("mimo.deep.inner", root=root)
+    assert list(found) == ["mimo", "mimo.body", "mimo.deep", "mimo.deep.inner", "mimo.deep.other", "mimo.eye"]
+
+
+def test_faults_are_named(root: Path) -> None:
+    with pytest.raises(IdentityError, match=r"no module mimo\.nose"):
+        identity.code("mimo.nose", root=root)
+    edit(root, "body", "=", "= =")
+    with pytest.raises(IdentityError, match=r"body\.py is not Python"):
+        identity.code("mimo.body", root=root)
+
+
+def test_this_package_reaches_rewards_through_the_registry_alone() -> None:
+    """A reward class imported by name elsewhere would decide numbers unseen by the filter."""
+    package = identity.ROOT / "mimo"
+    rewards = ast.parse((package / "rewards.py").read_text())
+    named = {node.name for node in rewards.body if isinstance(node, ast.ClassDef) and identity._reward_name(node)}
+    for path in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            spoken = (
+                node.attr if isinstance(node, ast.Attribute) else node.name if isinstance(node, ast.alias) else None
+            )
+            assert spoken not in named, f"{path} speaks of {spoken}"
+
+
+def test_the_same_in_another_process() -> None:
+    script = "from mimo import identity; print(identity.digest(identity.code('mimo.streams') | identity.versions()))"
+    run = subprocess.run([sys.executable, "-c", script], cwd=identity.ROOT, capture_output=True, check=True, text=True)
+    assert run.stdout.strip() == identity.digest(identity.code("mimo.streams") | identity.versions())
+
+
+def test_canonical_is_one_spelling() -> None:
+    class Point(BaseModel):
+        x: float
+        tags: tuple[str, ...]
+
+    assert identity.canonical({"b": (1, 2.5), "a": Point(x=0, tags=("é",))}) == (
+        b'{"a":{"tags":["\\u00e9"],"x":0.0},"b":[1,2.5]}'
+    )
+    assert identity.digest({"a": 1, "b": {"c": 2, "d": 3}}) == identity.digest({"b": {"d": 3, "c": 2}, "a": 1})
+    assert identity.digest({"a": np.float64(0.1), "b": np.int32(3)}) == identity.digest({"a": 0.1, "b": 3})
+    # SHA-256 of '{"a":1}', as `printf '{"a":1}' | sha256sum` gives it.
+    assert identity.digest({"a": 1}) == "015abd7f5cc57a2dd94b7590f04ad8084273905ee33ec5cebeae62276a97f862"
+
+
+def test_types_count() -> None:
+    values = (1, 1.0, True, "1", None, [1], -0.0, 0.0)
+    assert len({identity.digest({"x": value}) for value in values}) == len(values)
+
+
+@pytest.mark.parametrize(
+    "value", [math.nan, [math.inf], np.float32("nan"), {1: 2}, {"a": {None: 1}}, {1, 2}, b"", Path()]
+)
+def test_what_has_no_stable_spelling_is_refused(value: object) -> None:
+    with pytest.raises(IdentityError):
+        identity.canonical({"x": value})
+
+
+def test_versions_are_of_what_is_installed() -> None:
+    found = identity.versions()
+    assert set(found) == {"mujoco", "torch", "numpy"}
+    assert found["numpy"] == np.__version__

@@ -1,0 +1,1 @@
+"""From kicking to causality: an infant model under a mobile, its learning, and its intrinsic rewards."""

@@ -18,6 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from mimo.errors import Fault
 from mimo.identity import canonical
 
 SCHEMA_VERSION = 1
@@ -33,7 +34,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*(/[A-Za-z0-9_-][A-Za-z0-9_.-]*)
 About = Mapping[str, str | int | float]
 
 
-class ArtifactError(ValueError):
+class ArtifactError(Fault, ValueError):
     """An artifact cannot be read, written or trusted; one sentence names the file, the fault and the remedy."""
 
 
@@ -81,7 +82,7 @@ def write(
         about: further attributes: text, integers or finite floats.
 
     Returns:
-        The content hash: SHA-256 over schema, version, digest, about and every dataset.
+        The content hash: SHA-256 over schema, version, about and every dataset.
 
     Raises:
         ArtifactError: a value cannot be held, or the disk refuses; `path` is then as it was.
@@ -183,7 +184,7 @@ def copy(source: str | Path, target: str | Path) -> None:
 def _encode(source: str, schema: str, digest: str, datasets: Mapping[str, Dataset], about: About) -> tuple[bytes, str]:
     held = {name: _checked(source, name, datasets[name]) for name in sorted(datasets)}
     notes = {key: _note(source, key, about[key]) for key in sorted(about)}
-    content_hash = _hash(schema, digest, held, notes)
+    content_hash = _hash(schema, held, notes)
     buffer = io.BytesIO()
     try:
         with h5py.File(buffer, "w", libver=LIBVER, track_order=False, track_times=False) as file:
@@ -191,6 +192,7 @@ def _encode(source: str, schema: str, digest: str, datasets: Mapping[str, Datase
             _put(file, "version", SCHEMA_VERSION)
             _put(file, "digest", digest)
             _put(file, "content", content_hash)
+            _put(file, "seal", _seal(digest, content_hash))
             for key, value in notes.items():
                 _put(file, f"about.{key}", value)
             for name, dataset in held.items():
@@ -204,7 +206,7 @@ def _encode(source: str, schema: str, digest: str, datasets: Mapping[str, Datase
 
 def _decode(file: h5py.File, path: Path, schema: str, digest: str | None, size: int) -> Artifact:
     root = _attributes(file)
-    missing = [key for key in ("schema", "version", "digest", "content") if key not in root]
+    missing = [key for key in ("schema", "version", "digest", "content", "seal") if key not in root]
     if missing:
         raise _refusal(path, f"is not an artifact of this project (it lacks {', '.join(missing)})")
     if root["schema"] != schema:
@@ -218,7 +220,7 @@ def _decode(file: h5py.File, path: Path, schema: str, digest: str | None, size: 
     datasets = {name: _take(path, name, found[name]) for name in sorted(found)}
     about = {key.removeprefix("about."): root[key] for key in sorted(root) if key.startswith("about.")}
     made, stated = str(root["digest"]), str(root["content"])
-    if _hash(schema, made, datasets, about) != stated:
+    if _hash(schema, datasets, about) != stated or _seal(made, stated) != root["seal"]:
         raise _refusal(path, "was altered after it was written (its content hash does not hold)")
     if digest is not None and made != digest:
         raise _refusal(
@@ -293,9 +295,12 @@ def _attributes(node: h5py.File | h5py.Dataset) -> dict[str, str | int | float]:
     return found
 
 
-def _hash(schema: str, digest: str, datasets: Mapping[str, Dataset], about: About) -> str:
-    """SHA-256 over a line of canonical JSON, then a line and the bytes of each dataset in the order of names."""
-    head = {"schema": schema, "version": SCHEMA_VERSION, "digest": digest, "about": about}
+def _hash(schema: str, datasets: Mapping[str, Dataset], about: About) -> str:
+    """SHA-256 over a line of canonical JSON, then a line and the bytes of each dataset in the order of names.
+
+    The digest is left out: other code that makes the same content must not make what follows from it stale.
+    """
+    head = {"schema": schema, "version": SCHEMA_VERSION, "about": about}
     total = hashlib.sha256(canonical(head) + b"\n")
     for name in sorted(datasets):
         dataset = datasets[name]
@@ -304,6 +309,11 @@ def _hash(schema: str, digest: str, datasets: Mapping[str, Dataset], about: Abou
         total.update(canonical(line) + b"\n")
         total.update(values.data)
     return total.hexdigest()
+
+
+def _seal(digest: str, content_hash: str) -> str:
+    """Binds the digest to the content, which leaves it out."""
+    return hashlib.sha256(f"{digest} {content_hash}".encode()).hexdigest()
 
 
 def _load(path: Path) -> bytes:

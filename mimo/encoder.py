@@ -146,6 +146,7 @@ def train(
         optimiser.step()
         progress(iteration + 1)
     weights = {name: tensor.detach().numpy().copy() for name, tensor in net.state_dict().items()}
+    torch.set_num_threads(1)
     with torch.inference_mode():
         raw = _raw(_frozen(settings, weights), pairs.reshape(-1, *pairs.shape[2:])).numpy()
     mean, sd = raw.mean(axis=0), raw.std(axis=0)

@@ -13,19 +13,19 @@ from torch import Tensor
 from mimo import identity, rewards, scene, streams
 from mimo.agent import JOINTS, MOVE, Agents
 from mimo.artifact import Dataset
+from mimo.errors import Fault
 from mimo.encoder import LEVELS, Extractor, Trained
 from mimo.eye import Eye
 from mimo.outcomes import Outcomes, taus
 from mimo.params import Params, Protocol
 from mimo.world import Worlds
 
-SCHEMA = "run"
 PHASES = ("baseline", "attached", "extinction")  # paper §2.4
 
 Record = dict[str, Dataset]
 
 
-class RunError(RuntimeError):
+class RunError(Fault):
     """A run came to nothing; the message names condition, reward, seed and step."""
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from mimo.errors import Fault
 from mimo.rewards import REWARDS
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -17,14 +18,14 @@ Limb = Literal["left_foot", "right_foot", "left_hand", "right_hand"]
 Condition = Literal["free", "noisy"]
 
 
-class ParamsError(ValueError):
+class ParamsError(Fault, ValueError):
     """params.yaml does not hold; the message has one sentence for each fault."""
 
 
 class Section(BaseModel):
     """A part of params.yaml: unknown keys, text for numbers and later changes are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Protocol(Section):

@@ -142,9 +142,7 @@ def needs_outcomes(name: str) -> bool:
 def _kinds(name: str) -> list[type[Reward]]:
     unknown = [part for part in name.split("_") if part not in REWARDS]
     if unknown:
-        raise UnknownRewardError(
-            f"Reward {name!r} has the unknown part {unknown[0]!r}; known are {', '.join(REWARDS)}."
-        )
+        raise UnknownRewardError(f"{name!r} has an unknown part, {unknown[0]!r}: known are {', '.join(REWARDS)}.")
     return [REWARDS[part] for part in name.split("_")]
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from mujoco import batch
 
 from mimo import body
+from mimo.errors import Fault
 from mimo.params import Protocol
 from mimo.scene import Scene
 
 
-class DivergedError(RuntimeError):
+class DivergedError(Fault, RuntimeError):
     """A world's physics diverged; the message names the world."""
 
 

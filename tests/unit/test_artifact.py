@@ -155,7 +155,7 @@ def test_a_missing_or_foreign_file_is_refused_with_one_sentence(tmp_path: Path) 
     assert "Is a directory" in fault(".")
     assert "is not an HDF5 file" in fault("text.h5")
     assert "is empty" in fault("empty.h5")
-    assert "lacks schema, version, digest, content" in fault("foreign.h5")
+    assert "lacks schema, version, digest, content, seal" in fault("foreign.h5")
 
 
 def test_what_does_not_belong_is_refused(path: Path) -> None:

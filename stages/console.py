@@ -1,0 +1,99 @@
+"""What a person sees of a stage: one progress bar, and faults as sentences with the traceback in a log."""
+
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from mimo.errors import Fault
+from stages import paths
+
+LINE_SECONDS = 30  # between lines where there is no terminal
+
+
+class StageError(Fault):
+    """A stage cannot go on; the message is for people."""
+
+
+def main(work: Callable[[], None]) -> int:
+    """Run a stage; the exit code is 0 if it succeeded.
+
+    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.LOG.
+    """
+    try:
+        work()
+    except Fault as fault:
+        print(fault, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("Stopped; what was finished is kept.", file=sys.stderr)
+        return 130
+    except Exception as fault:
+        paths.LOG.parent.mkdir(exist_ok=True)
+        paths.LOG.write_text(traceback.format_exc())
+        print(f"{type(fault).__name__}: {fault} (see {paths.LOG})", file=sys.stderr)
+        return 1
+    return 0
+
+
+class Progress:
+    """A bar with rate and ETA on a terminal; in a log, a line every LINE_SECONDS.
+
+    Args:
+        what: name of the work.
+        total: units of work.
+        unit: what is counted, in the plural.
+    """
+
+    def __init__(self, what: str, total: int, unit: str) -> None:
+        self._what, self._total, self._unit = what, total, unit
+        self._start = self._said = time.monotonic()
+        self._console = Console(stderr=True)
+        self._bar = Bar(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn(unit),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task(what, total=total, note="")
+        self.done = 0
+
+    def __enter__(self) -> "Progress":
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+        self._bar.stop()
+        if not self._console.is_terminal and kind is None:
+            print(f"{self._what}: {self._text()}", file=sys.stderr, flush=True)
+
+    def update(self, done: int, note: str = "") -> None:
+        """Set the units done."""
+        self.done = done
+        text = ", ".join(part for part in (note, self._rate()) if part)
+        self._bar.update(self._task, completed=done, note=text)
+        now = time.monotonic()
+        if not self._console.is_terminal and now - self._said > LINE_SECONDS:
+            self._said = now
+            print(f"{self._what}: {self._text(note)}", file=sys.stderr, flush=True)
+
+    def _text(self, note: str = "") -> str:
+        parts = (f"{self.done}/{self._total} {self._unit}", note, self._rate())
+        return ", ".join(part for part in parts if part)
+
+    def _rate(self) -> str:
+        seconds = time.monotonic() - self._start
+        if not self.done or seconds <= 0:
+            return ""
+        rate = self.done / seconds
+        left = max(0.0, (self._total - self.done) / rate)
+        return f"{rate:.0f}/s, {f'{left // 60:.0f} min {left % 60:.0f} s left' if left else f'{seconds:.0f} s'}"

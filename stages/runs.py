@@ -1,0 +1,26 @@
+"""`python -m stages.runs CONDITION REWARD`: publish a cell's runs from the store to data/runs/."""
+
+import json
+import sys
+
+from mimo import artifact
+from stages import console, paths, store
+
+
+def main() -> None:
+    """Copy every run that the cell's manifest lists, verified."""
+    if len(sys.argv) != 3:
+        raise console.StageError("usage: python -m stages.runs CONDITION REWARD")
+    condition, reward = sys.argv[1:]
+    listed = json.loads(paths.manifest(condition, reward).read_text())["runs"]
+    for run in listed:
+        target = paths.run(condition, reward, run["seed"])
+        if not store.has(store.RUN, run["digest"], elsewhere=[target]):
+            raise console.StageError(
+                f"The run store lacks {condition}, {reward}, seed {run['seed']}; run `dvc repro --force train`."
+            )
+        artifact.copy(store.place(store.RUN, run["digest"]), target)
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

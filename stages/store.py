@@ -1,0 +1,52 @@
+"""The store: finished artifacts by the digest of their inputs, outside DVC and git, so that nothing is computed twice.
+
+An artifact enters whole, by os.replace. One that does not verify is set aside and computed again.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from mimo import artifact
+from stages import paths
+
+FRAME, SCALE, RUN, RESULTS = "frame", "scale", "run", "results"  # kinds of artifact, as their schemas call them
+
+
+def place(schema: str, digest: str) -> Path:
+    """Where the artifact of that schema and digest lies, or would."""
+    return paths.STORE / f"{schema}s" / f"{digest}.h5"
+
+
+def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
+    """Whether the store holds the artifact, and it verifies; taken in from `elsewhere` if it is found there."""
+    path = place(schema, digest)
+    if path.exists():
+        try:
+            artifact.read(path, schema, digest)
+            return True
+        except artifact.ArtifactError as fault:
+            aside = path.with_suffix(".damaged")
+            os.replace(path, aside)
+            print(f"{fault} It was set aside as {aside} and is computed again.", file=sys.stderr)
+    for other in elsewhere:
+        if other.exists():
+            try:
+                artifact.read(other, schema, digest)
+            except artifact.ArtifactError:
+                continue
+            artifact.copy(other, path)
+            return True
+    return False
+
+
+def publish(schema: str, digest: str, target: Path, make: Callable[[Path], object]) -> bool:
+    """Put the artifact at `target`, from the store if it is there, else by `make(path)`; returns whether it was made."""
+    made = not has(schema, digest)
+    path = place(schema, digest)
+    if made:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        make(path)
+    artifact.copy(path, target)
+    return made

@@ -1,0 +1,252 @@
+"""The sweep: which runs are missing, and their computation in chunks, on Ray or in this process. All Ray code is here."""
+
+import fcntl
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import ray
+
+from mimo import artifact, encoder, experiment, identity, rewards
+from mimo.params import Params
+from stages import console, paths, store
+
+POLL_SECONDS = 1.0
+RETRIES = 3  # of a chunk whose worker died
+OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run and its digest."""
+
+    condition: str
+    reward: str
+    seed: int
+    digest: str
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Runs of one cell that train in lock step."""
+
+    runs: tuple[Run, ...]
+
+    @property
+    def name(self) -> str:
+        """For people: condition, reward and seeds."""
+        first = self.runs[0]
+        return f"{first.condition}, {first.reward}, seed {', '.join(str(run.seed) for run in self.runs)}"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What every chunk of a sweep needs besides its runs."""
+
+    params: Params
+    encoder: bytes
+    scales: Mapping[str, float]
+
+
+def runs(params: Params, encoder_hash: str, scales: Mapping[str, float]) -> list[Run]:
+    """All runs of the sweep, by condition, reward and seed."""
+    return [
+        Run(condition, reward, seed, identity.digest(
+            experiment.inputs(params, condition, reward, seed, encoder_hash, scales)
+        ))
+        for condition in params.sweep.conditions
+        for reward in params.sweep.rewards
+        for seed in range(params.sweep.seeds)
+    ]  # fmt: skip
+
+
+def missing(wanted: list[Run]) -> list[Run]:
+    """The runs that neither the store nor data/runs holds; those of data/runs are taken into the store."""
+    return [
+        run
+        for run in wanted
+        if not store.has(store.RUN, run.digest, elsewhere=[paths.run(run.condition, run.reward, run.seed)])
+    ]
+
+
+def chunks(wanted: list[Run], size: int) -> list[Chunk]:
+    """Runs of one cell together, at most `size`; cells with outcome models first, since they take longest."""
+    cells: dict[tuple[str, str], list[Run]] = {}
+    for run in wanted:
+        cells.setdefault((run.condition, run.reward), []).append(run)
+    found = [Chunk(tuple(cell[i : i + size])) for cell in cells.values() for i in range(0, len(cell), size)]
+    return sorted(found, key=lambda chunk: (not rewards.needs_outcomes(chunk.runs[0].reward), -len(chunk.runs)))
+
+
+def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
+    """Compute all chunks into the store.
+
+    A chunk that fails is tried again seed by seed, so that one bad run costs no other.
+
+    Args:
+        job: what all chunks share.
+        todo: the chunks.
+        serial: in this process, without Ray; the bytes are the same.
+
+    Returns:
+        A sentence for each run that failed.
+    """
+    steps = experiment.steps(job.params.protocol) * sum(len(chunk.runs) for chunk in todo)
+    with _lock(), console.Progress("Runs", steps, "agent steps") as progress:
+        return (_serial if serial else _on_ray)(job, todo, progress)
+
+
+def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
+    """Train a chunk; returns the finished files."""
+    first = chunk.runs[0]
+    trained = encoder.load(artifact.from_bytes(job.encoder, encoder.SCHEMA))
+    seeds = [run.seed for run in chunk.runs]
+    done = experiment.Experiment(job.params, first.condition, first.reward, seeds, trained, job.scales).run(report)
+    about = {"condition": first.condition, "reward": first.reward, "limb": job.params.protocol.limb}
+    return [
+        artifact.to_bytes(store.RUN, run.digest, record, about | {"seed": run.seed})
+        for run, record in zip(chunk.runs, done, strict=True)
+    ]
+
+
+class _Tally:
+    """Counts for the progress bar."""
+
+    def __init__(self, job: Job, todo: list[Chunk], progress: console.Progress) -> None:
+        self._steps = experiment.steps(job.params.protocol)
+        self._total, self._progress = sum(len(chunk.runs) for chunk in todo), progress
+        self.finished = 0
+
+    def show(self, doing: Mapping[Chunk, int]) -> None:
+        """Steps done of each chunk in flight."""
+        flying = sum(len(chunk.runs) for chunk in doing)
+        steps = self.finished * self._steps + sum(len(chunk.runs) * done for chunk, done in doing.items())
+        self._progress.update(steps, f"{self.finished}/{self._total} runs done, {flying} in flight")
+
+
+def _keep(chunk: Chunk, files: list[bytes]) -> None:
+    for run, data in zip(chunk.runs, files, strict=True):
+        artifact.publish(data, store.place(store.RUN, run.digest))
+
+
+def _apart(chunk: Chunk) -> list[Chunk]:
+    return [Chunk((run,)) for run in chunk.runs] if len(chunk.runs) > 1 else []
+
+
+def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
+    tally, failed, pending = _Tally(job, todo, progress), [], list(todo)
+    while pending:
+        chunk = pending.pop(0)
+        try:
+            files = work(job, chunk, lambda done, chunk=chunk: tally.show({chunk: done}))
+        except Exception as fault:
+            pending[:0] = (alone := _apart(chunk))
+            failed += [] if alone else [f"{chunk.name}: {fault}"]
+            continue
+        _keep(chunk, files)
+        tally.finished += len(chunk.runs)
+        tally.show({})
+    return failed
+
+
+@ray.remote(num_cpus=0)
+class _Board:
+    """Where workers write how far they are."""
+
+    def __init__(self) -> None:
+        self._steps: dict[int, int] = {}
+
+    def put(self, chunk: int, steps: int) -> None:
+        self._steps[chunk] = steps
+
+    def get(self) -> dict[int, int]:
+        return self._steps
+
+
+@ray.remote(num_cpus=1, max_retries=RETRIES)
+def _remote(job: Job, chunk: Chunk, number: int, board: Any) -> list[bytes]:
+    last = 0.0
+
+    def report(done: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > POLL_SECONDS:
+            last = time.monotonic()
+            board.put.remote(number, done)
+
+    return work(job, chunk, report)
+
+
+def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
+    tally, failed = _Tally(job, todo, progress), []
+    _start_ray()
+    try:
+        board, shared = _Board.remote(), ray.put(job)
+        flying: dict[Any, tuple[int, Chunk]] = {}
+
+        def launch(chunks: list[Chunk]) -> None:
+            for chunk in chunks:
+                number = launch.count = getattr(launch, "count", 0) + 1  # type: ignore[attr-defined]
+                flying[_remote.remote(shared, chunk, number, board)] = (number, chunk)
+
+        launch(todo)
+        while flying:
+            ready, _ = ray.wait(list(flying), timeout=POLL_SECONDS)
+            for reference in ready:
+                _, chunk = flying.pop(reference)
+                try:
+                    files = ray.get(reference)
+                except ray.exceptions.RayError as fault:
+                    alone = _apart(chunk)
+                    launch(alone)
+                    failed += [] if alone else [f"{chunk.name}: {_reason(fault)}"]
+                    continue
+                _keep(chunk, files)
+                tally.finished += len(chunk.runs)
+            done = ray.get(board.get.remote())
+            tally.show({chunk: done[number] for number, chunk in flying.values() if number in done})
+    finally:
+        ray.shutdown()
+    return failed
+
+
+def _start_ray() -> None:
+    """RAY_ADDRESS's cluster, else a local Ray for this process, on loopback, without dashboard."""
+    if os.environ.get("RAY_ADDRESS"):
+        ray.init(log_to_driver=False, logging_level="error")
+        return
+    ray.init(
+        address="local",
+        include_dashboard=False,
+        log_to_driver=False,
+        logging_level="error",
+        object_store_memory=OBJECT_STORE,
+        _node_ip_address="127.0.0.1",
+    )
+
+
+def _reason(fault: Exception) -> str:
+    """The last line of what a worker raised."""
+    cause = getattr(fault, "cause", None) or fault
+    return str(cause).strip().splitlines()[-1]
+
+
+@contextmanager
+def _lock() -> Iterator[None]:
+    """One sweep at a time on one store; the lock goes with its process, however that ends."""
+    path = paths.STORE / "sweep.lock"
+    path.parent.mkdir(exist_ok=True)
+    with path.open("a+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            raise console.StageError(
+                f"Another sweep (process {file.read().strip() or 'unknown'}) works on {paths.STORE}; wait for it to end."
+            ) from None
+        file.truncate(0)
+        file.write(str(os.getpid()))
+        file.flush()
+        yield

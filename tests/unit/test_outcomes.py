@@ -1,0 +1,190 @@
+"""Outcome models against scipy, numpy, autograd in float64 and torch's AdamW."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy import stats
+from torch import Tensor
+
+from mimo import params
+from mimo.outcomes import Outcomes, huber, quantile_huber_gradient, quantile_huber_loss, taus, wasserstein
+
+JOINTS, LATENT, QUANTILES = 12, 64, 49
+LINES = hnp.arrays(np.float64, (2, 7), elements=st.floats(-10, 10))
+KAPPAS = st.floats(0.01, 10)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def settings(**changes: float) -> params.Outcomes:
+    defaults = {"quantiles": QUANTILES, "kappa": 1.0, "learning_rate": 0.001, "batch": 8, "memory": 500}
+    return params.Outcomes.model_validate(defaults | changes)
+
+
+def initial(latent: int = LATENT, quantiles: int = QUANTILES) -> Tensor:
+    """Normal quantiles of SD 0.3, each dimension at its own place."""
+    levels = torch.from_numpy(stats.norm.ppf(taus(quantiles).double())) * 0.3
+    return (levels + torch.linspace(-0.5, 0.5, latent)[:, None]).float()
+
+
+def test_taus() -> None:
+    np.testing.assert_allclose(taus(49).numpy(), np.arange(0.02, 0.99, 0.02), rtol=1e-6)
+    np.testing.assert_allclose(taus(1).numpy(), [0.5])
+
+
+def test_huber_by_hand() -> None:
+    u = torch.tensor([-3.0, -0.5, 0.0, 0.5, 1.0, 3.0])
+    assert torch.equal(huber(u, 1.0), torch.tensor([2.5, 0.125, 0.0, 0.125, 0.5, 2.5]))
+
+
+@given(KAPPAS, st.floats(-20, 20))
+def test_huber_laws(kappa: float, u: float) -> None:
+    x = torch.tensor([u, -u, kappa, kappa * (1 + 1e-9), kappa * (1 - 1e-9)], dtype=torch.float64)
+    value = huber(x, kappa)
+    assert value[0] == value[1] >= 0
+    torch.testing.assert_close(value[3:], value[2].expand(2), rtol=1e-7, atol=0)  # continuous at kappa
+    assert value[0] <= 0.5 * u * u + 1e-12
+    assert value[0] <= kappa * abs(u) + 1e-12
+
+
+def test_quantile_huber_loss_by_hand() -> None:
+    tau = torch.tensor([0.1, 0.9])
+    torch.testing.assert_close(quantile_huber_loss(torch.tensor(3.0), torch.zeros(2), tau, 1.0), 2.5 * tau)
+    torch.testing.assert_close(quantile_huber_loss(torch.tensor(-0.5), torch.zeros(2), tau, 1.0), 0.125 * (1 - tau))
+
+
+@given(hnp.arrays(np.float64, (5, 3), elements=st.floats(-3, 3)), KAPPAS)
+def test_gradient_against_autograd(values: np.ndarray, kappa: float) -> None:
+    y = torch.from_numpy(values).unsqueeze(1)
+    tau = taus(7).double().unsqueeze(-1)
+    q = torch.linspace(-2.987, 3.013, 21, dtype=torch.float64).view(7, 3).requires_grad_()
+    quantile_huber_loss(y, q, tau, kappa).sum().backward()
+    torch.testing.assert_close(quantile_huber_gradient(y, q.detach(), tau, kappa).sum(0), q.grad)
+
+
+@given(LINES, st.floats(-5, 5))
+def test_wasserstein_laws(lines: np.ndarray, shift: float) -> None:
+    first, second = torch.from_numpy(np.sort(lines, axis=1))
+    distance = wasserstein(first, second)
+    assert distance == wasserstein(second, first)
+    assert (distance == 0) == torch.equal(first, second)
+    torch.testing.assert_close(wasserstein(first + shift, second + shift), distance, atol=1e-12, rtol=1e-12)
+    torch.testing.assert_close(wasserstein(first + shift, first).item(), abs(shift), atol=1e-12, rtol=1e-12)
+    np.testing.assert_allclose(distance, stats.wasserstein_distance(first, second), atol=1e-12)
+
+
+def test_tables_start_at_initial() -> None:
+    outcomes = Outcomes(settings(), initial(), [np.random.default_rng(0), np.random.default_rng(1)])
+    assert torch.equal(outcomes.conditional, initial().expand(2, JOINTS, 2, LATENT, QUANTILES))
+    assert torch.equal(outcomes.marginal, initial().expand(2, LATENT, QUANTILES))
+    assert torch.equal(outcomes.influence(), torch.zeros(2, JOINTS, 2))
+    with pytest.raises(ValueError, match="initial has 7 quantiles, but .* is 49"):
+        Outcomes(settings(), initial(LATENT, 7), [np.random.default_rng(0)])
+
+
+def test_influence_and_expectation_against_scipy() -> None:
+    outcomes, generator = Outcomes(settings(), initial(), [np.random.default_rng(0)] * 2), np.random.default_rng(1)
+    for table in (outcomes.conditional, outcomes.marginal):
+        table.copy_(torch.from_numpy(generator.normal(size=table.shape)).sort(-1).values)
+    action = torch.from_numpy(generator.random((2, JOINTS)) < 0.5)
+    influence, expectation = outcomes.influence(), outcomes.expectation(action)
+    assert influence.shape == (2, JOINTS, 2)
+    assert expectation.shape == (2, JOINTS, LATENT)
+    for seed, joint, move in ((0, 0, 0), (0, 7, 1), (1, 11, 1), (1, 4, 0)):
+        pairs = zip(outcomes.conditional[seed, joint, move], outcomes.marginal[seed], strict=True)
+        expected = np.mean([stats.wasserstein_distance(of_action, of_all) for of_action, of_all in pairs])
+        np.testing.assert_allclose(influence[seed, joint, move], expected, rtol=1e-5)
+        mean = outcomes.conditional[seed, joint, int(action[seed, joint])].double().mean(-1)
+        torch.testing.assert_close(expectation[seed, joint].double(), mean, atol=1e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kappa", [1.0, 0.1])
+def test_updates_follow_autograd_and_torchs_adamw(kappa: float) -> None:
+    chosen, memory, batch = settings(kappa=kappa, memory=5), 5, 8
+    outcomes, twin, world = Outcomes(chosen, initial(), [np.random.default_rng(3)]), *map(np.random.default_rng, (3, 4))
+    conditional = initial().double().repeat(JOINTS, 2, 1, 1).requires_grad_()
+    marginal = initial().double().requires_grad_()
+    optimizer = torch.optim.AdamW([conditional, marginal], lr=0.001)
+    tau, remembered = taus(QUANTILES).double(), []
+    for step in range(20):
+        action = torch.from_numpy(world.random(JOINTS) < 0.4)
+        latent = torch.from_numpy(world.normal(size=LATENT) * 0.5).float()
+        outcomes.update(action[None], latent[None])
+        if step < memory:
+            remembered.append((action, latent))
+        else:
+            remembered[step % memory] = (action, latent)  # the oldest makes room
+        loss = torch.zeros((), dtype=torch.float64)
+        for place in twin.integers(0, len(remembered), batch):
+            taken, h = remembered[place]
+            tables = conditional[torch.arange(JOINTS), taken.long()]
+            for q in (tables, marginal):
+                loss = loss + quantile_huber_loss(h.double()[:, None], q, tau, kappa).sum() / batch
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    torch.testing.assert_close(outcomes.conditional[0].double(), conditional.detach(), atol=2e-5, rtol=0)
+    torch.testing.assert_close(outcomes.marginal[0].double(), marginal.detach(), atol=2e-5, rtol=0)
+
+
+@pytest.mark.parametrize("kappa", [0.01, 50.0])
+def test_tables_arrive_at_what_the_loss_asks_for(kappa: float) -> None:
+    """Small kappa: the quantiles of the data. Kappa above every |u|: their expectiles (Newey & Powell 1987)."""
+    size, levels = 400, taus(9).double().numpy()
+    chosen = settings(quantiles=9, kappa=kappa, learning_rate=0.004, batch=64, memory=size)
+    outcomes, world = Outcomes(chosen, initial(2, 9), [np.random.default_rng(0)]), np.random.default_rng(1)
+    moved = world.random((size, JOINTS)) < 0.4
+    data = np.column_stack([world.normal(size=size), world.exponential(size=size)]) * 0.3 + 0.6 * moved[:, :1]
+    mean = torch.zeros(JOINTS * 2 + 1, 2, 9)
+    steps, kept = 1600, 400
+    for step in range(steps):
+        outcomes.update(torch.from_numpy(moved[None, step % size]), torch.from_numpy(data[None, step % size]).float())
+        if step >= steps - kept:
+            mean += torch.cat([outcomes.conditional[0].flatten(0, 1), outcomes.marginal]) / kept
+
+    def wanted(values: np.ndarray) -> np.ndarray:
+        if kappa < 1:
+            return np.quantile(values, levels, axis=0).T
+        return np.array([[stats.expectile(column, level) for level in levels] for column in values.T])
+
+    for joint, move in ((0, 0), (0, 1), (5, 1)):
+        expected = wanted(data[moved[:, joint] == move])
+        np.testing.assert_allclose(mean[2 * joint + move], expected, atol=0.05)
+    np.testing.assert_allclose(mean[-1], wanted(data), atol=0.05)
+    influence = outcomes.influence()[0, :, 1]
+    assert influence[0] > 5 * influence[1:].max()  # joint 0 alone shifts h
+
+
+def history(seeds: Sequence[int], steps: int) -> dict[int, bytes]:
+    """All that the models of `seeds` give over `steps` updates, in bytes."""
+    stack = Outcomes(settings(memory=60), initial(), [np.random.default_rng((seed, 0)) for seed in seeds])
+    worlds, seen = [np.random.default_rng((seed, 1)) for seed in seeds], dict.fromkeys(seeds, b"")
+    for _ in range(steps):
+        action = torch.from_numpy(np.stack([world.random(JOINTS) < 0.4 for world in worlds]))
+        latent = torch.from_numpy(np.stack([world.normal(size=LATENT) * 0.5 for world in worlds])).float()
+        given = (stack.influence(), stack.expectation(action))
+        stack.update(action, latent)
+        for place, seed in enumerate(seeds):
+            seen[seed] += b"".join(part[place].numpy().tobytes() for part in given)
+    for place, seed in enumerate(seeds):
+        seen[seed] += stack.conditional[place].numpy().tobytes() + stack.marginal[place].numpy().tobytes()
+    return seen
+
+
+def test_a_seeds_bytes_do_not_depend_on_its_companions() -> None:
+    whole = history(range(10), 200)
+    assert len(set(whole.values())) == 10
+    for seeds in ([0], [7, 9], [8, 7, 1, 0, 2]):
+        for seed, seen in history(seeds, 200).items():
+            assert seen == whole[seed], f"seed {seed} among {seeds}"

@@ -157,7 +157,9 @@ def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: s
     difference = over["move_probability/attached"] - over["move_probability/others"]
     before, late = windows["baseline"], windows["acquisition_late"]
     found["rise"] = _spread(difference[:, late].mean(axis=1) - difference[:, before].mean(axis=1))
-    limbs = {name.removeprefix("limb/"): p[:, late].mean(axis=1) for name, p in over.items() if name.startswith("limb/")}
+    limbs = {
+        name.removeprefix("limb/"): p[:, late].mean(axis=1) for name, p in over.items() if name.startswith("limb/")
+    }
     found["most_active"] = int(most_active(limbs, attached).sum())
     found["seeds"] = len(difference)
     return found

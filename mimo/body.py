@@ -1,8 +1,8 @@
 """MIMo v1 (Mattern et al. 2024), the model of an 18-month-old, as a mujoco.MjSpec: head and trunk fixed, limbs free.
 
-Figures of the reference model with mitten hands, in m, kg, N and rad unless a name says degrees. Body frames: x forward
-(chest), y left, z up along the trunk while standing. The left limbs are the right ones mirrored in the median plane; the
-reference sets its left hand 14 mm off that mirror image, ours does not.
+Figures of the reference model with mitten hands, in m, kg, N and rad unless a name says degrees. Body frames: x
+forward (chest), y left, z up along the trunk while standing. The left limbs are the right ones mirrored in the median
+plane; the reference sets its left hand 14 mm off that mirror image, ours does not.
 """
 
 from dataclasses import dataclass
@@ -85,15 +85,27 @@ TRUNK = (
 )
 
 RIGHT = (
-    Part("right_eye", "head", (0.07, -0.0245, 0.067375), (Shape("sphere", (0.01125, 0, 0), (0, 0, 0), 0.006275, WHITE),)),
+    Part(
+        "right_eye", "head", (0.07, -0.0245, 0.067375), (Shape("sphere", (0.01125, 0, 0), (0, 0, 0), 0.006275, WHITE),)
+    ),
     Part(
         "right_upper_arm",
         "upper_body",
         (-0.005, -0.105, 0.093),
         (Shape("capsule", (0.024, 0.0536, 0), (0, 0, 0.0536), 0.2684, WHITE),),
         (
-            Hinge("right_shoulder1", (0, 0.242536, -0.970143), (-28, 118), 0.09, 0.05, 0.0009, 0.004, 0, (0, -0.024, 0),
-                  (-1.8, 1.8)),
+            Hinge(
+                "right_shoulder1",
+                (0, 0.242536, -0.970143),
+                (-28, 118),
+                0.09,
+                0.05,
+                0.0009,
+                0.004,
+                0,
+                (0, -0.024, 0),
+                (-1.8, 1.8),
+            ),
             Hinge("right_shoulder2", (-1, 0, 0), (-84, 183), 0.11, 0.1, 0.0014, 0.004, torque=(-2.75, 4.0)),
             Hinge("right_shoulder3", (0, 0, -1), (-99, 67), 0.12, 0.07, 0.0008, 0.004, torque=(-2.5, 1.6)),
         ),
@@ -178,13 +190,21 @@ RIGHT = (
     ),
 )
 
-_FIXED = ("hip_lean1 hip_lean2 hip_rot1 hip_rot2 hip_bend1 hip_bend2 head1 head2 head3 "
-          "left_eye1 left_eye2 left_eye3 right_eye1 right_eye2 right_eye3").split()  # fmt: skip
-_LIMBS = ("right_shoulder1 right_shoulder2 right_shoulder3 left_shoulder1 left_shoulder2 left_shoulder3 "
-          "right_elbow left_elbow right_hand1 right_hand2 right_hand3 left_hand1 left_hand2 left_hand3 "
-          "right_fingers left_fingers right_hip1 right_hip2 right_hip3 left_hip1 left_hip2 left_hip3 "
-          "right_knee left_knee right_foot1 right_foot2 right_foot3 left_foot1 left_foot2 left_foot3 "
-          "right_toes left_toes").split()  # fmt: skip
+_FIXED = tuple(
+    """
+    hip_lean1 hip_lean2 hip_rot1 hip_rot2 hip_bend1 hip_bend2 head1 head2 head3
+    left_eye1 left_eye2 left_eye3 right_eye1 right_eye2 right_eye3
+    """.split()  # noqa: SIM905
+)
+_LIMBS = tuple(
+    """
+    right_shoulder1 right_shoulder2 right_shoulder3 left_shoulder1 left_shoulder2 left_shoulder3
+    right_elbow left_elbow right_hand1 right_hand2 right_hand3 left_hand1 left_hand2 left_hand3
+    right_fingers left_fingers right_hip1 right_hip2 right_hip3 left_hip1 left_hip2 left_hip3
+    right_knee left_knee right_foot1 right_foot2 right_foot3 left_foot1 left_foot2 left_foot3
+    right_toes left_toes
+    """.split()  # noqa: SIM905
+)
 
 JOINTS: tuple[str, ...] = (*_FIXED, *_LIMBS)
 """The 47 proprioceptive joints in the order of the paper's table; the first 15 are fixed at angle 0."""

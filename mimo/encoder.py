@@ -1,4 +1,4 @@
-"""The visual encoder (paper §3.2 and appendix): U-Net, projector, CLTT loss, training, and the frozen extractor of h."""
+"""The visual encoder (paper §3.2, appendix): U-Net, projector, CLTT loss, training, and the frozen extractor of h."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ THREADS = 2  # fixed, not the machine's: sums over frames depend on it
 class UNet(nn.Module):
     """Four layers down, four up, each convolution, InstanceNorm, GELU and a sampling operator; skip connections.
 
-    The bottleneck (width x 8 x 8) passes through `latent` numbers, h: the decoder sees no more of it than the agent does.
+    The bottleneck (width x 8 x 8) passes through `latent` numbers, h: the decoder sees no more of it than the agent.
     """
 
     def __init__(self, settings: params.Encoder) -> None:
@@ -48,22 +48,20 @@ class UNet(nn.Module):
         return self.squeeze(images.flatten(1)), skips
 
     def decode(self, latent: Tensor, skips: list[Tensor]) -> Tensor:
-        """h (N, latent) and skips to images (N, 3, 128, 128) in [0, 1]."""
+        """H (N, latent) and skips to images (N, 3, 128, 128) in [0, 1]."""
         x = self.expand(latent).view(len(latent), -1, BOTTLENECK, BOTTLENECK)
         for layer, skip in zip(self.up, reversed(skips), strict=True):
             x = torch.cat([F.interpolate(layer(x), scale_factor=2.0), skip], dim=1)
         return torch.sigmoid(self.head(x))
 
     def project(self, latent: Tensor) -> Tensor:
-        """h (N, latent) to the space of the CLTT loss (N, projection)."""
+        """H (N, latent) to the space of the CLTT loss (N, projection)."""
         projected: Tensor = self.projector(latent)
         return projected
 
 
 def _layer(inputs: int, outputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, padding=1), nn.InstanceNorm2d(outputs, affine=True), nn.GELU()
-    )
+    return nn.Sequential(nn.Conv2d(inputs, outputs, 3, padding=1), nn.InstanceNorm2d(outputs, affine=True), nn.GELU())
 
 
 def cltt_loss(first: Tensor, second: Tensor, tau: float) -> Tensor:
@@ -73,7 +71,8 @@ def cltt_loss(first: Tensor, second: Tensor, tau: float) -> Tensor:
     standard form it refers to: every similarity over tau, the sum over all frames but the anchor itself.
 
     Args:
-        first, second: (pairs, d) projections of the two frames of each pair.
+        first: (pairs, d) projections of the first frame of each pair.
+        second: (pairs, d) of the second.
         tau: softmax temperature.
     """
     z = F.normalize(torch.cat([first, second]), dim=1)
@@ -129,7 +128,7 @@ def train(
     """
     torch.set_num_threads(THREADS)
     torch.manual_seed(int(generator.integers(2**31)))
-    net = UNet(settings).to(memory_format=torch.channels_last)
+    net = UNet(settings)
     optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate)
     curves = np.empty((settings.iterations, 2), np.float32)
     for iteration in range(settings.iterations):
@@ -142,7 +141,7 @@ def train(
         if not np.isfinite(curves[iteration]).all():
             raise FloatingPointError(f"encoder training: the loss is not finite at iteration {iteration}")
         optimiser.zero_grad()
-        (reconstruction + settings.cltt_weight * cltt).backward()
+        torch.autograd.backward(reconstruction + settings.cltt_weight * cltt)
         optimiser.step()
         progress(iteration + 1)
     weights = {name: tensor.detach().numpy().copy() for name, tensor in net.state_dict().items()}
@@ -158,7 +157,8 @@ def train(
 def _frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet:
     net = UNet(settings)
     net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
-    return net.eval().requires_grad_(False).to(memory_format=torch.channels_last)
+    net.eval().requires_grad_(False)
+    return net
 
 
 def _raw(net: UNet, frames: np.ndarray) -> Tensor:
@@ -175,7 +175,7 @@ def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str,
         "curves/reconstruction": artifact.Dataset(trained.reconstruction, "squared intensity", "iteration"),
         "curves/cltt": artifact.Dataset(trained.cltt, "nat", "iteration"),
     }
-    datasets |= {f"measures/{name}": artifact.Dataset(np.float64(value), "1", "") for name, value in measures.items()}
+    datasets |= {f"measures/{name}": artifact.Dataset(np.array(value), "1", "") for name, value in measures.items()}
     return artifact.write(path, SCHEMA, digest, datasets)
 
 

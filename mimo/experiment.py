@@ -4,7 +4,7 @@ Several seeds run in lock step, for speed alone: a run's bytes are the same in a
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -13,8 +13,8 @@ from torch import Tensor
 from mimo import identity, rewards, scene, streams
 from mimo.agent import JOINTS, MOVE, Agents
 from mimo.artifact import Dataset
-from mimo.errors import Fault
 from mimo.encoder import LEVELS, Extractor, Trained
+from mimo.errors import Fault
 from mimo.eye import Eye
 from mimo.outcomes import Outcomes, taus
 from mimo.params import Params, Protocol
@@ -48,7 +48,9 @@ def inputs(
 
     Args:
         params: all of params.yaml; only what the run reads counts.
-        condition, reward, seed: which run.
+        condition: free or noisy.
+        reward: its name, or several joined by "_".
+        seed: seed index.
         encoder: content hash of the encoder.
         scales: each reward's scale; only those of the run's parts count.
     """
@@ -154,9 +156,7 @@ class Experiment:
         chance = np.stack([generator.random(JOINTS) for generator in self._policy])
         positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
         moved = chance < probability.numpy()
-        outcome = self.worlds.step(
-            self.worlds.torque(moved, positive), phase(self.params.protocol, step) == "attached"
-        )
+        outcome = self.worlds.step(self.worlds.torque(moved, positive), phase(self.params.protocol, step) == "attached")
         latent = self.extractor(self.eye.frames(self.worlds.qpos))
         action = torch.from_numpy(moved)
         transition = rewards.Transition(
@@ -177,7 +177,7 @@ class Experiment:
             raise FloatingPointError(f"the TD error of seed {bad[0]} is not finite")
         if self.outcomes:
             self.outcomes.update(action, latent)
-        entry = {
+        entry: dict[str, np.ndarray | Tensor] = {
             "action": moved,
             "positive": positive,
             "centre_of_mass": outcome.centre_of_mass,
@@ -204,7 +204,7 @@ class Experiment:
 class _Log:
     """What is kept of every step; arrays are made on first sight, (seed, step, ...)."""
 
-    MEANING = {  # units, axes
+    MEANING: ClassVar = {  # units, axes
         "action": ("1 = MOVE", "step, joint"),
         "positive": ("1 = towards the upper torque limit", "step, joint"),
         "centre_of_mass": ("m", "step, xyz"),
@@ -221,8 +221,8 @@ class _Log:
         self._arrays: dict[str, np.ndarray] = {}
 
     def add(self, step: int, entry: Mapping[str, np.ndarray | Tensor]) -> None:
-        for name, value in entry.items():
-            value = np.asarray(value)
+        for name, given in entry.items():
+            value = np.asarray(given)
             if name not in self._arrays:
                 dtype = np.uint8 if value.dtype == bool else np.float32
                 self._arrays[name] = np.zeros((*self._shape, *value.shape[1:]), dtype)

@@ -3,8 +3,8 @@
 A model is a free table: for each dimension of the latent h and each tau one number, the quantile. Tables of p(h|a), one
 for each joint and action, and the table of p(h) learn from the same transitions.
 
-Several seeds learn in lock step. Each seed is computed by calls of the same shapes, on memory of the same alignment, so
-its numbers are the same bytes whatever its companions; and what a seed's call touches stays in the cache.
+Several seeds learn in lock step. Each seed is computed by calls of the same shapes, so its numbers are the same bytes
+whatever its companions; and what a seed's call touches stays in the cache.
 """
 
 from collections.abc import Sequence
@@ -88,7 +88,7 @@ class Outcomes:
         self._positive_factor, self._negative_factor = -levels / batch, (levels - 1) / batch
         self._rows = torch.full((seeds, settings.memory, JOINTS + 1), MARGINAL)
         self._latents = torch.zeros(seeds, settings.memory, latent)
-        self._work = torch.empty(3, batch, JOINTS + 1, quantiles, latent)
+        self._work = torch.empty(2, batch, JOINTS + 1, quantiles, latent)
         self._distance = torch.empty(CONDITIONAL, quantiles, latent)
 
     @property
@@ -132,9 +132,9 @@ class Outcomes:
             latent: (batch, latent), the h of each transition.
         """
         kappa = self._settings.kappa
-        u, positive, y = self._work
+        u, positive = self._work
         torch.index_select(self._tables[seed], 0, rows, out=u.flatten(0, 1))
-        y = y[:, :1].copy_(latent[:, None, None])
+        y = latent[:, None, None].repeat(1, 1, u.shape[2], 1)  # whole tables: a broadcast would run row by row
         torch.sub(y, u, out=u)
         torch.clamp(u, 0, kappa, out=positive)
         negative = u.clamp_(-kappa, 0)

@@ -1,7 +1,7 @@
 """The MIMo-Mobile scene: infant supine in a crib, mobile overhead, rope from a limb through a ring to the mobile.
 
-World frame: x towards the feet, y to the infant's left, z up; the mattress is z = 0. The paper leaves mobile, suspension
-and rope open: their constants are `params.World`, each with its reason.
+World frame: x towards the feet, y to the infant's left, z up; the mattress is z = 0. The paper leaves mobile,
+suspension and rope open: their constants are `params.World`, each with its reason.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,10 @@ SETTLE_UPDATES = 4000  # 20 s: the shoulders creep for long
 SEEN, UNSEEN = 0, 1  # geom groups: what the right eye can see, and the rest
 ARMS = ("upper_arm", "lower_arm", "hand", "fingers")
 
-LIMB_ENDS = {"foot": (0.0, 0.0, 0.0), "hand": (0.0, 0.0, 0.0)}  # where the rope is tied, in that body's frame: ankle, wrist
+LIMB_ENDS = {
+    "foot": (0.0, 0.0, 0.0),
+    "hand": (0.0, 0.0, 0.0),
+}  # where the rope is tied, in that body's frame: ankle, wrist
 TOYS = (  # place on the cross m, colour; unlike each other, so that the picture tells how the mobile hangs
     ((0.05, 0.0), (0.9, 0.1, 0.1, 1.0)),
     ((0.0, 0.05), (0.1, 0.8, 0.2, 1.0)),
@@ -155,7 +158,8 @@ def _eye_place() -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    return data.camera("right_eye").xpos.copy()
+    place: np.ndarray = data.camera("right_eye").xpos.copy()
+    return place
 
 
 def _settle(model: mujoco.MjModel) -> mujoco.MjData:

@@ -65,7 +65,8 @@ class Worlds:
     @property
     def qpos(self) -> np.ndarray:
         """(N, nq) generalised positions, m and rad; a copy."""
-        return self._qpos.copy()
+        qpos: np.ndarray = self._qpos.copy()
+        return qpos
 
     def proprioception(self) -> np.ndarray:
         """(N, 47) joint angles in rad, in the order of body.JOINTS; the fixed 15 are 0."""

@@ -29,7 +29,7 @@ def main() -> None:
         total = p.calibrate.steps * p.calibrate.worlds
         with console.Progress("Reward scales", total, "agent steps") as progress:
             found = calibrate.scales(p, encoder.load(held), progress.update)
-        datasets = {name: artifact.Dataset(np.float64(value), "own units", "") for name, value in found.items()}
+        datasets = {name: artifact.Dataset(np.array(value), "own units", "") for name, value in found.items()}
         artifact.write(path, store.SCALE, digest, datasets)
 
     store.publish(store.SCALE, digest, paths.SCALES, make)

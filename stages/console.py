@@ -71,7 +71,9 @@ class Progress:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._bar.stop()
         if not self._console.is_terminal and kind is None:
             print(f"{self._what}: {self._text()}", file=sys.stderr, flush=True)

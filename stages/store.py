@@ -3,7 +3,6 @@
 An artifact enters whole, by os.replace. One that does not verify is set aside and computed again.
 """
 
-import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -28,7 +27,7 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
             return True
         except artifact.ArtifactError as fault:
             aside = path.with_suffix(".damaged")
-            os.replace(path, aside)
+            path.replace(aside)
             print(f"{fault} It was set aside as {aside} and is computed again.", file=sys.stderr)
     for other in elsewhere:
         if other.exists():
@@ -42,7 +41,7 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
 
 
 def publish(schema: str, digest: str, target: Path, make: Callable[[Path], object]) -> bool:
-    """Put the artifact at `target`, from the store if it is there, else by `make(path)`; returns whether it was made."""
+    """Put the artifact at `target`, from the store if it is there, else by `make(path)`; True if it was made."""
     made = not has(schema, digest)
     path = place(schema, digest)
     if made:

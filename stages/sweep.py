@@ -1,11 +1,13 @@
-"""The sweep: which runs are missing, and their computation in chunks, on Ray or in this process. All Ray code is here."""
+"""The sweep: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code."""
 
 import fcntl
+import logging
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import ray
@@ -120,6 +122,10 @@ class _Tally:
         self._total, self._progress = sum(len(chunk.runs) for chunk in todo), progress
         self.finished = 0
 
+    def show_one(self, chunk: Chunk, done: int) -> None:
+        """Steps done of the only chunk in flight."""
+        self.show({chunk: done})
+
     def show(self, doing: Mapping[Chunk, int]) -> None:
         """Steps done of each chunk in flight."""
         flying = sum(len(chunk.runs) for chunk in doing)
@@ -141,7 +147,7 @@ def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
     while pending:
         chunk = pending.pop(0)
         try:
-            files = work(job, chunk, lambda done, chunk=chunk: tally.show({chunk: done}))
+            files = work(job, chunk, partial(tally.show_one, chunk))
         except Exception as fault:
             pending[:0] = (alone := _apart(chunk))
             failed += [] if alone else [f"{chunk.name}: {fault}"]
@@ -183,7 +189,7 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
     tally, failed = _Tally(job, todo, progress), []
     _start_ray()
     try:
-        board, shared = _Board.remote(), ray.put(job)
+        board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
         flying: dict[Any, tuple[int, Chunk]] = {}
 
         def launch(chunks: list[Chunk]) -> None:
@@ -215,13 +221,13 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
 def _start_ray() -> None:
     """RAY_ADDRESS's cluster, else a local Ray for this process, on loopback, without dashboard."""
     if os.environ.get("RAY_ADDRESS"):
-        ray.init(log_to_driver=False, logging_level="error")
+        ray.init(log_to_driver=False, logging_level=logging.ERROR)
         return
     ray.init(
         address="local",
         include_dashboard=False,
         log_to_driver=False,
-        logging_level="error",
+        logging_level=logging.ERROR,
         object_store_memory=OBJECT_STORE,
         _node_ip_address="127.0.0.1",
     )
@@ -244,7 +250,7 @@ def _lock() -> Iterator[None]:
         except BlockingIOError:
             file.seek(0)
             raise console.StageError(
-                f"Another sweep (process {file.read().strip() or 'unknown'}) works on {paths.STORE}; wait for it to end."
+                f"Another sweep (process {file.read().strip() or '?'}) works on {paths.STORE}; wait for it to end."
             ) from None
         file.truncate(0)
         file.write(str(os.getpid()))

@@ -153,9 +153,9 @@ def test_updates_follow_torchs_adamw_on_single_modules() -> None:
             optimizer.zero_grad()
             (0.5 * (target - taken) ** 2).sum().backward()
             optimizer.step()
-    state = normal(generator, 2, INPUTS)
-    expected = torch.stack([module(state[seed].double()[None])[0] for seed, module in enumerate(modules)])
-    torch.testing.assert_close(two.values(state).double(), expected.detach(), atol=1e-4, rtol=1e-3)
+    for seed, module in enumerate(modules):
+        for ours, theirs in zip(parts(two.network), module.parameters(), strict=True):
+            torch.testing.assert_close(ours[seed].double(), theirs.detach(), atol=5e-5, rtol=0)  # decay alone: 2.5e-4
 
 
 def test_values_arrive_at_a_constant_reward() -> None:

@@ -89,7 +89,7 @@ def test_tables_start_at_initial() -> None:
     assert torch.equal(outcomes.conditional, initial().expand(2, JOINTS, 2, LATENT, QUANTILES))
     assert torch.equal(outcomes.marginal, initial().expand(2, LATENT, QUANTILES))
     assert torch.equal(outcomes.influence(), torch.zeros(2, JOINTS, 2))
-    with pytest.raises(ValueError, match="initial has 7 quantiles, but .* is 49"):
+    with pytest.raises(ValueError, match="initial has 7 quantiles"):
         Outcomes(settings(), initial(LATENT, 7), [np.random.default_rng(0)])
 
 

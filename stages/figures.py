@@ -1,0 +1,245 @@
+"""`python -m stages.figures`: reports/figures/*.svg and *.png, from data/results.h5 and data/encoder.h5 alone."""
+
+import io
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from mimo import analysis, artifact, params
+from stages import console, paths
+
+ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
+STYLE: dict[str, Any] = {
+    "svg.hashsalt": "mimo",  # the same element ids each time
+    "font.family": "DejaVu Sans",  # comes with matplotlib
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.2,
+    "savefig.dpi": 150,
+    "figure.facecolor": "white",
+}
+COLOURS = {  # Okabe and Ito's, told apart by the colour-blind; one for each reward, everywhere
+    "mtl": "#0072B2",
+    "mtl_surprise": "#56B4E9",
+    "rtl": "#E69F00",
+    "rtl_surprise": "#D55E00",
+    "cais": "#009E73",
+    "cais_surprise": "#CC79A7",
+    "surprise": "#000000",
+}
+OTHER_COLOUR = "#666666"  # of rewards that are not the paper's
+SHADES = {"baseline": "#ffffff", "attached": "#eeeeee", "extinction": "#ffffff"}
+DASHES = {"attached": "-", "others": (0, (3, 1.5)), "all": "-"}
+PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the paper's figures 3 and 4
+    ("A", "MTL, RTL and Surprise", "reward", ("all",), ("mtl", "rtl", "surprise")),
+    ("B", "MTL and RTL combined with Surprise", "reward", ("all",), ("mtl_surprise", "rtl_surprise")),
+    ("C", "CAIS and CAIS + Surprise", "reward", analysis.GROUPS, ("cais", "cais_surprise")),
+    (
+        "D",
+        "Q(MOVE), combined with Surprise",
+        "q_move",
+        analysis.GROUPS,
+        ("mtl_surprise", "rtl_surprise", "cais_surprise"),
+    ),
+)
+AXES = {
+    "reward": "Reward as paid (scaled units)",
+    "q_move": "Q(MOVE) (scaled units)",
+    "move_probability": "P(MOVE)",
+    "influence": "Influence of MOVE: W1 (h)",
+}
+PAPER = {"fig3": ("free", "Free mobile"), "fig4": ("noisy", "Noisy mobile")}
+
+
+def main() -> None:
+    """Draw every figure."""
+    params.load()
+    for name, figure in drawn(artifact.read(paths.RESULTS, analysis.SCHEMA), artifact.read(paths.ENCODER, ENCODER)):
+        for kind, data in figure.items():
+            artifact.publish(data, paths.FIGURES / f"{name}.{kind}")
+
+
+def drawn(results: artifact.Artifact, encoder: artifact.Artifact) -> list[tuple[str, dict[str, bytes]]]:
+    """Every figure's name and its files' bytes by kind, svg and png; a condition without runs has no figure."""
+    conditions = _conditions(results)
+    todo: list[tuple[str, Callable[[], Figure]]] = [
+        (name, partial(_paper_figure, results, condition, title))
+        for name, (condition, title) in PAPER.items()
+        if condition in conditions
+    ]
+    todo += [("p_move", partial(_multiples, results, "move_probability")), ("encoder", partial(_encoder, encoder))]
+    if any("/influence/" in name for name in results.datasets):
+        todo.append(("influence", partial(_multiples, results, "influence")))
+    with mpl.rc_context():
+        mpl.rcdefaults()  # whatever the user's own matplotlibrc says
+        mpl.rcParams.update(STYLE)
+        return [(name, _files(draw())) for name, draw in todo]
+
+
+def label(reward: str) -> str:
+    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
+    return " + ".join("Surprise" if part == "surprise" else part.upper() for part in reward.split("_"))
+
+
+def _files(figure: Figure) -> dict[str, bytes]:
+    """Without date or version, so that the same data give the same bytes."""
+    FigureCanvasAgg(figure)
+    files = {}
+    for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=kind, metadata=metadata)
+        files[kind] = buffer.getvalue()
+    return files
+
+
+def _phases(results: artifact.Artifact) -> dict[str, slice]:
+    lengths = [int(results.about[f"{name}_steps"]) for name in analysis.PHASES]
+    return analysis.phases(*lengths)
+
+
+def _conditions(results: artifact.Artifact) -> list[str]:
+    """Those that have runs, the paper's order."""
+    found = {name.split("/")[0] for name in results.datasets}
+    return [condition for condition, _ in PAPER.values() if condition in found]
+
+
+def _rewards(results: artifact.Artifact, curve: str) -> list[str]:
+    """Those that have runs with this curve, the paper's first, in its order."""
+    found = {name.split("/")[1] for name in results.datasets if f"/{curve}/" in name}
+    order = ("mtl", "rtl", "surprise", "cais", "mtl_surprise", "rtl_surprise", "cais_surprise")
+    return [reward for reward in order if reward in found] + sorted(found - set(order))
+
+
+def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Figure:
+    """Four panels as in the paper's captions; in each, a strip for each reward, since their sizes differ."""
+    figure = Figure(figsize=(10, 8), layout="constrained")
+    figure.suptitle(f"{title}: {_legend_text(results)}", fontsize=10)
+    top, bottom = figure.subfigures(2, 1, height_ratios=(1, 1.12))
+    grid = [*top.subfigures(1, 2), *bottom.subfigures(1, 2)]
+    for part, (letter, text, curve, groups, rewards) in zip(grid, PANELS, strict=True):
+        part.suptitle(f"{letter}   {text}", x=0.02, ha="left", fontsize=10, fontweight="bold")
+        part.supylabel(AXES[curve], fontsize=9)
+        strips = part.subplots(len(rewards), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, reward in zip(strips, rewards, strict=True):
+            _strip(ax, results, (condition, reward, curve), groups)
+            ax.set_title(label(reward), loc="left", pad=3)
+        _name_phases(strips[0], _phases(results))
+        strips[-1].set_xlabel("agent step")
+    _legend(bottom)
+    return figure
+
+
+def _multiples(results: artifact.Artifact, curve: str) -> Figure:
+    """One curve, attached limb against the others: rewards down, conditions across."""
+    conditions, rewards = _conditions(results), _rewards(results, curve)
+    figure = Figure(figsize=(8, 1.25 * len(rewards) + 1.2), layout="constrained")
+    figure.suptitle(f"{AXES[curve]}: {_legend_text(results)}", fontsize=10)
+    grid = figure.subplots(len(rewards), len(conditions), sharex=True, sharey="row", squeeze=False)
+    for row, reward in zip(grid, rewards, strict=True):
+        for ax, condition in zip(row, conditions, strict=True):
+            _strip(ax, results, (condition, reward, curve), analysis.GROUPS)
+            if curve == "move_probability":
+                ax.set_ylim(0, 1)
+            ax.set_title(label(reward), loc="left", pad=3)
+    for ax, condition in zip(grid[0], conditions, strict=True):
+        _name_phases(ax, _phases(results))
+        ax.annotate(
+            f"{condition.capitalize()} mobile", (0.5, 1), (0, 27), "axes fraction", "offset points", ha="center",
+            fontweight="bold",
+        )  # fmt: skip
+    for ax in grid[-1]:
+        ax.set_xlabel("agent step")
+    figure.supylabel(AXES[curve], fontsize=9)
+    _legend(figure)
+    return figure
+
+
+def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], groups: Sequence[str]) -> None:
+    """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border."""
+    phases = _phases(results)
+    for name, phase in phases.items():
+        ax.axvspan(phase.start + 0.5, phase.stop + 0.5, color=SHADES[name], lw=0, zorder=0)
+    ax.set_xlim(0.5, phases["extinction"].stop + 0.5)
+    ax.yaxis.set_major_locator(MaxNLocator(4))
+    condition, reward, curve = which
+    colour = COLOURS.get(reward, OTHER_COLOUR)
+    if f"{condition}/{reward}/{curve}/{groups[0]}" not in results.datasets:
+        ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
+        return
+    width = analysis.window(phases)
+    for group in groups:
+        smooth = analysis.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
+        mean, sd = analysis.mean_sd(smooth)
+        for phase in phases.values():
+            # A third of the window apart nothing is lost, and the files stay small.
+            shown = np.unique(np.append(np.arange(phase.start, phase.stop, max(1, width // 3)), phase.stop - 1))
+            x, m, s = shown + 1, mean[shown], np.nan_to_num(sd[shown])
+            ax.fill_between(x, m - s, m + s, color=colour, alpha=0.2, lw=0)
+            ax.plot(x, m, color=colour, ls=DASHES[group])
+
+
+def _name_phases(ax: Axes, phases: Mapping[str, slice]) -> None:
+    """The phases' names, small, above the title line of the topmost strip."""
+    for name, phase in phases.items():
+        middle = (phase.start + phase.stop) / 2
+        ax.annotate(name, (middle, 1), (0, 15), ("data", "axes fraction"), "offset points", ha="center", fontsize=7)
+
+
+def _legend_text(results: artifact.Artifact) -> str:
+    seeds, width = int(results.about["seeds"]), analysis.window(_phases(results))
+    if seeds == 1:
+        return f"n = 1 seed; moving average over {width} steps"
+    return f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds; moving average over {width} steps"
+
+
+def _legend(figure: Figure | SubFigure) -> None:
+    handles = [
+        Line2D([], [], color="#333333", ls=DASHES["attached"], label="attached limb (A, B: all joints)"),
+        Line2D([], [], color="#333333", ls=DASHES["others"], label="other limbs"),
+        Patch(color=SHADES["attached"], label="rope attached"),
+    ]
+    if isinstance(figure, Figure):
+        handles[0].set_label("attached limb")
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+
+
+def _encoder(encoder: artifact.Artifact) -> Figure:
+    """Both losses over the training, and what the held-out frames gave."""
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    figure.suptitle("Visual encoder: loss of each training batch, and of held-out frames", fontsize=10)
+    for ax, (name, title) in zip(
+        figure.subplots(1, 2), (("reconstruction", "Reconstruction"), ("cltt", "CLTT")), strict=True
+    ):
+        curve = encoder.datasets[f"curves/{name}"]
+        ax.plot(np.arange(1, len(curve.values) + 1), curve.values, color="#0072B2", label="training")
+        if f"measures/{name}" in encoder.datasets:
+            ax.axhline(float(encoder[f"measures/{name}"]), color="#D55E00", ls="--", label="held out, at the end")
+        if name == "reconstruction":
+            ax.set_yscale("log")
+        ax.set_title(title, loc="left", fontweight="bold")
+        ax.set_xlabel("iteration")
+        ax.set_ylabel(f"loss ({curve.units})")
+        ax.legend()
+    return figure
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-SCHEMA = "results"
-PHASES = ("baseline", "attached", "extinction")  # as mimo.experiment's, which would load torch
+from mimo.protocol import PHASES
+
 GROUPS = ("attached", "others")
-MOVE = 1  # as mimo.agent's, likewise
+MOVE = 1  # as mimo.agent's, which would load torch
+ACRONYMS = ("mtl", "rtl", "cais")
 LATE = 300  # steps: what counts as early and as late in the attached phase
 BURST = 100  # steps: where an extinction burst would be
 
@@ -43,8 +44,13 @@ def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
     }
 
 
+def label(reward: str) -> str:
+    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
+    return " + ".join(part.upper() if part in ACRONYMS else part.capitalize() for part in reward.split("_"))
+
+
 def _share(phase: slice, steps: int) -> int:
-    return max(1, min(steps, (phase.stop - phase.start) // 2))
+    return max(1, min(steps, int(phase.stop - phase.start) // 2))
 
 
 def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: str) -> dict[str, Array]:
@@ -84,7 +90,7 @@ def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: st
 
 def window(phases: Mapping[str, slice]) -> int:
     """Steps that figures smooth over: a hundredth of a run, 25 in the paper's protocol."""
-    return max(1, phases["extinction"].stop // 100)
+    return max(1, int(phases["extinction"].stop) // 100)
 
 
 def smooth(values: Array, phases: Mapping[str, slice], width: int) -> Array:

@@ -17,28 +17,15 @@ from mimo.encoder import LEVELS, Extractor, Trained
 from mimo.errors import Fault
 from mimo.eye import Eye
 from mimo.outcomes import Outcomes, taus
-from mimo.params import Params, Protocol
+from mimo.params import Params
+from mimo.protocol import phase, steps
 from mimo.world import Worlds
-
-PHASES = ("baseline", "attached", "extinction")  # paper §2.4
 
 Record = dict[str, Dataset]
 
 
 class RunError(Fault):
     """A run came to nothing; the message names condition, reward, seed and step."""
-
-
-def steps(protocol: Protocol) -> int:
-    """Agent steps of a whole run."""
-    return protocol.baseline_steps + protocol.attached_steps + protocol.extinction_steps
-
-
-def phase(protocol: Protocol, step: int) -> str:
-    """Which of PHASES agent step `step`, counted from 0, belongs to."""
-    if step < protocol.baseline_steps:
-        return "baseline"
-    return "attached" if step < protocol.baseline_steps + protocol.attached_steps else "extinction"
 
 
 def inputs(

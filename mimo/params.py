@@ -2,8 +2,9 @@
 
 import difflib
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from mimo.errors import Fault
 from mimo.rewards import REWARDS
 
+S = TypeVar("S", bound="Section")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0)]
@@ -196,8 +198,19 @@ def load(path: str | Path = "params.yaml") -> Params:
     try:
         return Params.model_validate(raw)
     except ValidationError as error:
-        faults = [f"{path}: {_sentence(dict(fault))}" for fault in error.errors()]
-        raise ParamsError("\n".join(faults)) from None
+        raise ParamsError("\n".join(f"{path}: {_sentence(dict(fault))}" for fault in error.errors())) from None
+
+
+def checked(section: S, changes: Mapping[str, object]) -> S:
+    """`section` with some values changed, checked like those of params.yaml.
+
+    Raises:
+        ParamsError: a value does not hold; all faults at once, a sentence each.
+    """
+    try:
+        return type(section).model_validate(section.model_dump() | dict(changes))
+    except ValidationError as error:
+        raise ParamsError("\n".join(_sentence(dict(fault)) for fault in error.errors())) from None
 
 
 def _sentence(fault: dict[str, object]) -> str:

@@ -68,6 +68,11 @@ class Worlds:
         qpos: np.ndarray = self._qpos.copy()
         return qpos
 
+    @property
+    def centre_of_mass(self) -> np.ndarray:
+        """(N, 3) of the mobile, m; a copy."""
+        return self._centre.copy()
+
     def proprioception(self) -> np.ndarray:
         """(N, 47) joint angles in rad, in the order of body.JOINTS; the fixed 15 are 0."""
         angles = np.zeros((self.size, len(body.JOINTS)))

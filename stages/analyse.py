@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from mimo import analysis, artifact, body, identity, params
-from stages import console, paths
+from stages import console, paths, store
 
-RUN, ENCODER, SCALES = "run", "encoder", "scale"  # schemas, as their writers name them; those load torch
+ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
 UNITS = {  # of the curves whose datasets in a run do not say it
     "q_move": "scaled reward",
     "q_advantage": "scaled reward",
@@ -41,9 +41,9 @@ def main() -> None:
         "extinction_steps": protocol.extinction_steps,
     }
     digest = identity.digest({"runs": runs, "about": about})
-    content = artifact.write(paths.RESULTS, analysis.SCHEMA, digest, _datasets(cells, units, windows), about)
+    content = artifact.write(paths.RESULTS, store.RESULTS, digest, _datasets(cells, units, windows), about)
 
-    held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, SCALES)
+    held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, store.SCALE)
     metrics: dict[str, Any] = {
         "runs": len(runs),
         "limb": protocol.limb,
@@ -102,7 +102,7 @@ def _read(p: params.Params, steps: int) -> tuple[Cells, dict[str, str], dict[str
             for reward in p.sweep.rewards:
                 found = []
                 for seed in range(p.sweep.seeds):
-                    run = artifact.read(paths.run(condition, reward, seed), RUN)
+                    run = artifact.read(paths.run(condition, reward, seed), store.RUN)
                     record = {name: dataset.values for name, dataset in run.datasets.items()}
                     if len(record["reward"]) != steps:
                         raise console.StageError(

@@ -1,6 +1,7 @@
 """`python -m stages.figures`: reports/figures/*.svg and *.png, from data/results.h5 and data/encoder.h5 alone."""
 
 import io
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -16,10 +17,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from mimo import analysis, artifact, params
-from stages import console, paths
+from mimo.protocol import PHASES
+from stages import console, paths, store
 
 ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "svg.hashsalt": "mimo",  # the same element ids each time
     "font.family": "DejaVu Sans",  # comes with matplotlib
     "font.size": 9,
@@ -72,7 +74,7 @@ PAPER = {"fig3": ("free", "Free mobile"), "fig4": ("noisy", "Noisy mobile")}
 def main() -> None:
     """Draw every figure."""
     params.load()
-    for name, figure in drawn(artifact.read(paths.RESULTS, analysis.SCHEMA), artifact.read(paths.ENCODER, ENCODER)):
+    for name, figure in drawn(artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, ENCODER)):
         for kind, data in figure.items():
             artifact.publish(data, paths.FIGURES / f"{name}.{kind}")
 
@@ -94,11 +96,6 @@ def drawn(results: artifact.Artifact, encoder: artifact.Artifact) -> list[tuple[
         return [(name, _files(draw())) for name, draw in todo]
 
 
-def label(reward: str) -> str:
-    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
-    return " + ".join("Surprise" if part == "surprise" else part.upper() for part in reward.split("_"))
-
-
 def _files(figure: Figure) -> dict[str, bytes]:
     """Without date or version, so that the same data give the same bytes."""
     FigureCanvasAgg(figure)
@@ -107,11 +104,13 @@ def _files(figure: Figure) -> dict[str, bytes]:
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, metadata=metadata)
         files[kind] = buffer.getvalue()
+    # A hundredth of a point is finer than any screen, and a file smaller by a quarter.
+    files["svg"] = re.sub(rb' d="[^"]+"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path[0]), files["svg"])
     return files
 
 
 def _phases(results: artifact.Artifact) -> dict[str, slice]:
-    lengths = [int(results.about[f"{name}_steps"]) for name in analysis.PHASES]
+    lengths = [int(results.about[f"{name}_steps"]) for name in PHASES]
     return analysis.phases(*lengths)
 
 
@@ -132,15 +131,15 @@ def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Fig
     """Four panels as in the paper's captions; in each, a strip for each reward, since their sizes differ."""
     figure = Figure(figsize=(10, 8), layout="constrained")
     figure.suptitle(f"{title}: {_legend_text(results)}", fontsize=10)
-    top, bottom = figure.subfigures(2, 1, height_ratios=(1, 1.12))
-    grid = [*top.subfigures(1, 2), *bottom.subfigures(1, 2)]
+    top, bottom = figure.subfigures(2, 1, height_ratios=(1, 1.12), squeeze=False)[:, 0]
+    grid = [part for row in (top, bottom) for part in row.subfigures(1, 2, squeeze=False)[0]]
     for part, (letter, text, curve, groups, rewards) in zip(grid, PANELS, strict=True):
         part.suptitle(f"{letter}   {text}", x=0.02, ha="left", fontsize=10, fontweight="bold")
         part.supylabel(AXES[curve], fontsize=9)
         strips = part.subplots(len(rewards), 1, sharex=True, squeeze=False)[:, 0]
         for ax, reward in zip(strips, rewards, strict=True):
             _strip(ax, results, (condition, reward, curve), groups)
-            ax.set_title(label(reward), loc="left", pad=3)
+            ax.set_title(analysis.label(reward), loc="left", pad=3)
         _name_phases(strips[0], _phases(results))
         strips[-1].set_xlabel("agent step")
     _legend(bottom)
@@ -158,7 +157,7 @@ def _multiples(results: artifact.Artifact, curve: str) -> Figure:
             _strip(ax, results, (condition, reward, curve), analysis.GROUPS)
             if curve == "move_probability":
                 ax.set_ylim(0, 1)
-            ax.set_title(label(reward), loc="left", pad=3)
+            ax.set_title(analysis.label(reward), loc="left", pad=3)
     for ax, condition in zip(grid[0], conditions, strict=True):
         _name_phases(ax, _phases(results))
         ax.annotate(
@@ -182,6 +181,7 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
     condition, reward, curve = which
     colour = COLOURS.get(reward, OTHER_COLOUR)
     if f"{condition}/{reward}/{curve}/{groups[0]}" not in results.datasets:
+        ax.set_yticks([])
         ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
         return
     width = analysis.window(phases)
@@ -205,9 +205,8 @@ def _name_phases(ax: Axes, phases: Mapping[str, slice]) -> None:
 
 def _legend_text(results: artifact.Artifact) -> str:
     seeds, width = int(results.about["seeds"]), analysis.window(_phases(results))
-    if seeds == 1:
-        return f"n = 1 seed; moving average over {width} steps"
-    return f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds; moving average over {width} steps"
+    many = "n = 1 seed" if seeds == 1 else f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds"
+    return many if width == 1 else f"{many}; moving average over {width} steps"
 
 
 def _legend(figure: Figure | SubFigure) -> None:

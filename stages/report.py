@@ -14,13 +14,12 @@ from typing import Any
 import jinja2
 import yaml
 
-from mimo import artifact, params
+from mimo import analysis, artifact, params
 from stages import console, paths
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PARAMS = Path("params.yaml")
 MISSING = "–"
-NAMES = {"mtl": "MTL", "rtl": "RTL", "cais": "CAIS", "surprise": "Surprise"}
 WINDOWS = {
     "baseline": "Baseline",
     "acquisition_early": "Early acquisition",
@@ -31,8 +30,8 @@ WINDOWS = {
 _PANELS = (
     "A: MTL, RTL and Surprise reward. B: MTL and RTL combined with Surprise. C: CAIS and CAIS + Surprise reward, the "
     "attached limb against the others. D: Q value of MOVE of the rewards combined with Surprise, likewise. In A and B "
-    "the reward is the mean over all twelve joints. Each reward has a strip of its own, since their sizes differ; the "
-    "unit is the same in all: {gain:g} is one SD of the reward under the resting policy, free mobile, rope attached."
+    "the reward is the mean over all twelve joints. Each reward has a strip of its own, since their sizes differ; in "
+    "all, {gain:g} is one SD of a single reward under the resting policy, free mobile, rope attached."
 )
 CAPTIONS = {  # by file name: heading, caption, where the data lie
     "fig3": ("Figure 3. Free mobile", _PANELS, "results"),
@@ -46,8 +45,8 @@ CAPTIONS = {  # by file name: heading, caption, where the data lie
     "influence": (
         "Influence of MOVE",
         "1-Wasserstein distance between p(h|MOVE) and p(h), per joint, wherever the outcome models were learned. CAIS "
-        "pays it only for actions taken, so panel C also shows how often a limb moved; this figure does not. "
-        "Not a figure of the paper.",
+        "pays it only on steps on which the joint moves, so panel C also shows how often that was; this figure does "
+        "not. Not a figure of the paper.",
         "results",
     ),
     "encoder": (
@@ -86,7 +85,8 @@ def main() -> None:
     try:
         metrics = json.loads(paths.METRICS.read_text())
     except (OSError, ValueError) as fault:
-        raise console.StageError(f"{paths.METRICS} cannot be read ({fault}); run `dvc repro`.") from fault
+        reason = getattr(fault, "strerror", None) or fault
+        raise console.StageError(f"{paths.METRICS} cannot be read ({reason}); run `dvc repro`.") from fault
     html = page(metrics, figures(metrics, paths.FIGURES, p.rewards.gain), constants(PARAMS.read_text()))
     artifact.publish(html.encode(), paths.REPORT)
 
@@ -100,7 +100,7 @@ def page(metrics: dict[str, Any], shown: list[Shown], constants: list[Constant])
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"number": number, "spread": spread, "reward": reward_name}
+    environment.filters |= {"number": number, "spread": spread, "reward": analysis.label}
     template = environment.from_string(TEMPLATE.read_text())
     rows = [
         (condition, reward, found)
@@ -128,7 +128,8 @@ def figures(metrics: dict[str, Any], folder: Path, gain: float) -> list[Shown]:
             continue
         picture = f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
         behind, content = data[source]
-        shown.append(Shown(name, heading, caption.format(gain=gain), picture, str(behind), content))
+        text = caption.format(gain=gain) + (f" {_seeds(metrics)}" if source == "results" else "")
+        shown.append(Shown(name, heading, text, picture, str(behind), content))
     if not shown:
         raise console.StageError(f"{folder} has no figures; run `dvc repro figures`.")
     return shown
@@ -140,7 +141,9 @@ def constants(text: str) -> list[Constant]:
     Args:
         text: params.yaml.
     """
-    return list(_constants(yaml.compose(text), text.splitlines(), ()))
+    root = yaml.compose(text)
+    assert root is not None  # mimo.params has checked the file
+    return _constants(root, text.splitlines(), ())
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -159,14 +162,14 @@ def spread(value: dict[str, float | None], digits: int = 2) -> str:
     return mean if value["sd"] is None else f"{mean} ± {number(value['sd'], digits)}"
 
 
-def reward_name(reward: str) -> str:
-    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
-    return " + ".join(NAMES.get(part, part.upper()) for part in reward.split("_"))
+def _seeds(metrics: dict[str, Any]) -> str:
+    most = max(found["seeds"] for rewards in metrics["conditions"].values() for found in rewards.values())
+    return "One seed, so no SD." if most == 1 else f"Line: mean over n = {most} seeds. Shaded: 1 SD over seeds."
 
 
 def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> list[Constant]:
     found = []
-    assert isinstance(node, yaml.MappingNode)  # mimo.params has checked the file
+    assert isinstance(node, yaml.MappingNode)
     for key, value in node.value:
         name = (*above, key.value)
         if isinstance(value, yaml.MappingNode):

@@ -12,7 +12,7 @@ from typing import Any
 
 import ray
 
-from mimo import artifact, encoder, experiment, identity, rewards
+from mimo import artifact, encoder, experiment, identity, protocol, rewards
 from mimo.params import Params
 from stages import console, paths, store
 
@@ -75,12 +75,16 @@ def missing(wanted: list[Run]) -> list[Run]:
 
 
 def chunks(wanted: list[Run], size: int) -> list[Chunk]:
-    """Runs of one cell together, at most `size`; cells with outcome models first, since they take longest."""
+    """Runs of one cell together, at most `size`.
+
+    Low seeds of every cell come first, so that an early look sees all cells; then those with outcome models, which
+    take longest.
+    """
     cells: dict[tuple[str, str], list[Run]] = {}
     for run in wanted:
         cells.setdefault((run.condition, run.reward), []).append(run)
     found = [Chunk(tuple(cell[i : i + size])) for cell in cells.values() for i in range(0, len(cell), size)]
-    return sorted(found, key=lambda chunk: (not rewards.needs_outcomes(chunk.runs[0].reward), -len(chunk.runs)))
+    return sorted(found, key=lambda chunk: (chunk.runs[0].seed, not rewards.needs_outcomes(chunk.runs[0].reward)))
 
 
 def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
@@ -96,7 +100,7 @@ def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
     Returns:
         A sentence for each run that failed.
     """
-    steps = experiment.steps(job.params.protocol) * sum(len(chunk.runs) for chunk in todo)
+    steps = protocol.steps(job.params.protocol) * sum(len(chunk.runs) for chunk in todo)
     with _lock(), console.Progress("Runs", steps, "agent steps") as progress:
         return (_serial if serial else _on_ray)(job, todo, progress)
 
@@ -118,7 +122,7 @@ class _Tally:
     """Counts for the progress bar."""
 
     def __init__(self, job: Job, todo: list[Chunk], progress: console.Progress) -> None:
-        self._steps = experiment.steps(job.params.protocol)
+        self._steps = protocol.steps(job.params.protocol)
         self._total, self._progress = sum(len(chunk.runs) for chunk in todo), progress
         self.finished = 0
 

@@ -40,7 +40,7 @@ format: $(STAMP) ## Put the code in the project's format
 	ruff check --fix .
 
 bench: $(STAMP) ## Time an agent step
-	python benchmarks/agent_step.py
+	PYTHONPATH=. python benchmarks/agent_step.py
 
 .venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
 

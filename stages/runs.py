@@ -3,7 +3,7 @@
 import json
 import sys
 
-from mimo import artifact
+from mimo import artifact, params
 from stages import console, paths, store
 
 
@@ -11,6 +11,7 @@ def main() -> None:
     """Copy every run that the cell's manifest lists, verified."""
     if len(sys.argv) != 3:
         raise console.StageError("usage: python -m stages.runs CONDITION REWARD")
+    params.load()
     condition, reward = sys.argv[1:]
     listed = json.loads(paths.manifest(condition, reward).read_text())["runs"]
     for run in listed:

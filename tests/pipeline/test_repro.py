@@ -1,0 +1,174 @@
+"""The real pipeline under real DVC and Ray, tiny: from nothing, then again after each kind of change."""
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+import yaml
+
+from stages import preview
+
+ROOT = Path(__file__).parents[2]
+CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
+ENDS = {"analyse", "figures", "report"}
+
+
+def edit(project: Path, *changes: tuple[str, Any]) -> None:
+    path = project / "params.yaml"
+    whole = yaml.safe_load(path.read_text())
+    for key, value in changes:
+        *sections, name = key.split(".")
+        part = whole
+        for section in sections:
+            part = part[section]
+        part[name] = value
+    path.write_text(yaml.safe_dump(whole, sort_keys=False))
+
+
+def repro(project: Path) -> tuple[int, str]:
+    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
+    done = subprocess.run(
+        [sys.executable, "-m", "dvc", "repro"],
+        cwd=project, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.returncode, done.stdout + done.stderr
+
+
+def ran(output: str) -> set[str]:
+    return set(re.findall(r"Running stage '([^']+)'", output))
+
+
+def stored(project: Path) -> set[str]:
+    return {path.name for path in (project / ".work/runs").glob("*.h5")}
+
+
+def digests(project: Path, *folders: str) -> dict[str, str]:
+    files = [path for folder in folders for path in sorted((project / folder).rglob("*")) if path.is_file()]
+    return {str(path.relative_to(project)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A project in which `dvc repro` ran from nothing, and what it said."""
+    project = tmp_path_factory.mktemp("first") / "project"
+    preview.prepare(ROOT, project)
+    edit(
+        project,
+        ("sweep.rewards", ["mtl", "cais"]),
+        ("protocol.baseline_steps", 3),
+        ("protocol.attached_steps", 5),
+        ("protocol.extinction_steps", 3),
+        ("encoder.iterations", 4),
+        ("calibrate.steps", 6),
+        ("collect.steps", 6),
+    )
+    code, output = repro(project)
+    assert code == 0, output
+    return project, output
+
+
+@pytest.fixture
+def project(first: tuple[Path, str], tmp_path: Path) -> Path:
+    """A copy of its own for each test."""
+    return Path(shutil.copytree(first[0], tmp_path / "project"))
+
+
+def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(first: tuple[Path, str]) -> None:
+    project, output = first
+    assert ran(output) == {"collect", "encoder", "calibrate", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS}
+    assert "agent steps" in output
+    for condition in ("free", "noisy"):
+        for reward in ("mtl", "cais"):
+            with h5py.File(project / f"data/runs/{condition}/{reward}/seed-000.h5") as run:
+                assert run["move_probability"].shape == (11, 12)
+                assert run.attrs["about.condition"] == condition.encode()
+    for name in ("index.html", "metrics.json", "figures/fig3.png", "figures/fig3.svg", "figures/fig4.png"):
+        assert (project / "reports" / name).stat().st_size > 1000, name
+
+
+def test_again_nothing_runs(project: Path) -> None:
+    code, output = repro(project)
+    assert code == 0, output
+    assert not ran(output)
+    assert "up to date" in output
+
+
+def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_the_cache(project: Path) -> None:
+    before, runs = stored(project), digests(project, "data/runs", "reports")
+    edit(project, ("rewards.cais.pays", "taken"))
+    code, output = repro(project)
+    assert code == 0, output
+    assert ran(output) == {"calibrate", "train", "runs@free-cais", "runs@noisy-cais", *ENDS}
+    assert len(stored(project) - before) == 2
+    after = digests(project, "data/runs")
+    changed = {name for name in after if after[name] != runs[name]}
+    assert changed == {f"data/runs/{condition}/cais/seed-000.h5" for condition in ("free", "noisy")}
+    edit(project, ("rewards.cais.pays", "move"))
+    code, output = repro(project)
+    assert code == 0, output
+    assert "is cached - skipping run" in output
+    assert len(stored(project) - before) == 2
+    assert digests(project, "data/runs", "reports") == runs
+
+
+def test_one_more_seed_computes_only_the_new_runs(project: Path) -> None:
+    before, runs = stored(project), digests(project, "data/runs")
+    edit(project, ("sweep.seeds", 2))
+    code, output = repro(project)
+    assert code == 0, output
+    assert "8 runs, 4 of them in the store." in output
+    assert len(stored(project) - before) == 4
+    assert ran(output) == {"train", *(f"runs@{cell}" for cell in CELLS), *ENDS}
+    after = digests(project, "data/runs")
+    assert len(after) == 8
+    assert {name: after[name] for name in runs} == runs
+
+
+def test_published_runs_are_taken_in_when_the_store_is_gone(project: Path) -> None:
+    """As in a fresh clone after `dvc pull`: a new seed computes only its own runs."""
+    shutil.rmtree(project / ".work/runs")
+    edit(project, ("sweep.seeds", 2))
+    code, output = repro(project)
+    assert code == 0, output
+    assert "8 runs, 4 of them in the store." in output
+
+
+def test_a_comment_in_the_learner_computes_nothing(project: Path) -> None:
+    before = digests(project, "data", "reports")
+    agent = project / "mimo/agent.py"
+    agent.write_text(agent.read_text() + "\n# A comment.\n")
+    code, output = repro(project)
+    assert code == 0, output
+    assert "4 runs, 4 of them in the store." in output
+    assert ran(output) == {"calibrate", "train"}
+    assert digests(project, "data", "reports") == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentences"),
+    [
+        (
+            [("world.mobile_mass", -1.0), ("sweep.rewards", ["mtl", "cias"])],
+            ["world.mobile_mass must be greater than 0; it is -1.0.", "'cias'"],
+        ),
+        ([("world.mobile_mas", 1.0)], ["world.mobile_mas is not a known key"]),
+    ],
+)
+def test_bad_parameters_stop_the_pipeline_before_any_work(
+    project: Path, changes: list[tuple[str, Any]], sentences: list[str]
+) -> None:
+    before = stored(project)
+    edit(project, *changes)
+    code, output = repro(project)
+    assert code != 0
+    for sentence in sentences:
+        assert sentence in output
+    assert "Traceback" not in output
+    assert stored(project) == before

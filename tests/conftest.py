@@ -1,15 +1,82 @@
 """What every test runs under: off-screen rendering, no telemetry, the same examples each time."""
 
+from __future__ import annotations
+
 import os
+from typing import TYPE_CHECKING
 
 # Set before anything imports mujoco, ray or dvc, and inherited by the processes that tests start.
 os.environ.setdefault("MUJOCO_GL", "egl")
 os.environ.setdefault("DVC_NO_ANALYTICS", "1")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from mimo.encoder import Trained
+    from mimo.params import Params
 
 settings.register_profile(
     "same", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("same")
+
+# Late imports below: torch would cost every test that does without it two seconds.
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Params:
+    """The project's parameters, with ten agent steps a run and as little as will do before it."""
+    from mimo import params
+
+    p = params.load()
+    changes: dict[str, dict[str, object]] = {
+        "protocol": {"baseline_steps": 3, "attached_steps": 4, "extinction_steps": 3},
+        "collect": {"worlds": 2, "steps": 5},
+        "encoder": {"widths": [2, 4, 4, 4], "pairs": 4, "iterations": 3},
+        "outcomes": {"memory": 4},
+        "calibrate": {"steps": 6, "worlds": 2},
+        "sweep": {"conditions": ["free"], "rewards": ["mtl", "cais"], "seeds": 2, "chunk": 2},
+    }
+    return p.model_copy(update={name: getattr(p, name).model_copy(update=own) for name, own in changes.items()})
+
+
+@pytest.fixture(scope="session")
+def collected(tiny: Params) -> tuple[np.ndarray, np.ndarray]:
+    """Frames and the mobile's centres, as mimo.collect gives them."""
+    from mimo import collect
+
+    return collect.collect(tiny)
+
+
+@pytest.fixture(scope="session")
+def pairs(collected: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(40, 2, 128, 128, 3) uint8 frame pairs of all regimes."""
+    return collected[0].reshape(-1, *collected[0].shape[3:])
+
+
+@pytest.fixture(scope="session")
+def trained(tiny: Params, pairs: np.ndarray) -> Trained:
+    """A barely trained encoder: enough, since a run's laws hold for any."""
+    from mimo import encoder, streams
+
+    return encoder.train(tiny.encoder, pairs, streams.generator(tiny.seed, "free", 0, "encoder"))
+
+
+@pytest.fixture(scope="session")
+def encoder_file(trained: Trained, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """`trained` as an artifact."""
+    from mimo import encoder
+
+    path = tmp_path_factory.mktemp("encoder") / "encoder.h5"
+    encoder.save(trained, path, "d" * 64, {})
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def scales() -> dict[str, float]:
+    """By reward name; all differ, of the size that calibration finds."""
+    return {"mtl": 0.006, "rtl": 1.25, "cais": 0.0012, "surprise": 0.38}

@@ -45,7 +45,7 @@ bench: $(STAMP) ## Time an agent step
 .venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
 
 $(STAMP): requirements.lock
-	@test -x .venv/bin/python || $(PYTHON) -m venv .venv
+	@test -x .venv/bin/python || $(PYTHON) -m venv --without-pip .venv
 	@echo "Installing requirements.lock into .venv"
-	@.venv/bin/python -m pip install -qq --disable-pip-version-check -r requirements.lock
+	@$(PYTHON) -m pip --python .venv/bin/python install -qq --disable-pip-version-check -r requirements.lock
 	@touch $@

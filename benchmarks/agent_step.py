@@ -1,6 +1,6 @@
 """`make bench`: CPU time of an agent step of one world, by part, against the physics alone.
 
-One process, CPU time of all its threads; the physics alone is the same rollouts, with the same inputs, and nothing else.
+One process, CPU time of all its threads; the physics alone is the same rollouts, with the same inputs, nothing else.
 Physics and whole alternate in blocks, so that the ratio holds on a busy machine too.
 """
 

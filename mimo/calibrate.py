@@ -40,7 +40,7 @@ def scales(params: Params, trained: Trained, progress: Callable[[int], None] = l
         for purpose in ("calibrate", "calibrate_memory")
     )
     built = scene.build(params.world, params.protocol)
-    worlds = Worlds(built, params.protocol, 0.0, draws)
+    worlds = Worlds(built, params.protocol, params.conditions.free.force, draws)
     outcomes = Outcomes(params.outcomes, initial_quantiles(params, trained), batches)
     terms = [kind(params.rewards) for kind in REWARDS.values()]
     extract = Extractor(params.encoder, trained)

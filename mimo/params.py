@@ -147,16 +147,19 @@ class Sweep(Section):
 
     @model_validator(mode="after")
     def _known(self) -> "Sweep":
-        for name, given in (("conditions", self.conditions), ("rewards", self.rewards)):
-            if len(set(given)) < len(given):
-                raise ValueError(f"{name} names one entry twice")
+        faults = [
+            f"{name} names one entry twice"
+            for name, given in (("conditions", self.conditions), ("rewards", self.rewards))
+            if len(set(given)) < len(given)
+        ]
         for reward in self.rewards:
             parts = reward.split("_")
-            unknown = [part for part in parts if part not in REWARDS]
-            if unknown:
-                raise ValueError(f"rewards has {reward!r}, but {_unknown(unknown[0], list(REWARDS))}")
+            faults += [f"rewards has {reward!r}, but {_unknown(part, list(REWARDS))}" for part in parts
+                       if part not in REWARDS]  # fmt: skip
             if len(set(parts)) < len(parts):
-                raise ValueError(f"rewards has {reward!r}, which adds one reward twice")
+                faults.append(f"rewards has {reward!r}, which adds one reward twice")
+        if faults:
+            raise ValueError("; ".join(faults))
         return self
 
 
@@ -179,6 +182,8 @@ class Params(Section):
     def _across(self) -> "Params":
         if self.collect.pair_updates >= self.protocol.updates_per_step:
             raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
+        if not 0 < round(self.collect.steps * (1 - self.collect.held_out)) < self.collect.steps:
+            raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
         return self
 
 

@@ -14,11 +14,16 @@ def main() -> None:
     p = params.load()
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
     inputs = {
-        "params": {name: getattr(p, name).model_dump() for name in ("conditions", "world", "outcomes", "calibrate")}
+        "params": {name: getattr(p, name).model_dump() for name in ("world", "outcomes", "calibrate")}
         | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
         | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
         | {name: value for name, value in p.rewards.model_dump().items() if name != "gain"}
-        | {"seed": p.seed, "move_bias": p.agent.move_bias, "temperature": p.agent.temperature},
+        | {
+            "seed": p.seed,
+            "force": p.conditions.free.force,
+            "move_bias": p.agent.move_bias,
+            "temperature": p.agent.temperature,
+        },
         "encoder": held.content,
         "code": identity.code("mimo.calibrate"),
         "versions": identity.versions(),

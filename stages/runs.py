@@ -20,7 +20,12 @@ def main() -> None:
             raise console.StageError(
                 f"The run store lacks {condition}, {reward}, seed {run['seed']}; run `dvc repro --force train`."
             )
-        artifact.copy(store.place(store.RUN, run["digest"]), target)
+        stored = store.place(store.RUN, run["digest"])
+        if artifact.content(stored) != run["content"]:
+            raise console.StageError(
+                f"{stored} is not the run that {condition}-{reward} lists; run `dvc repro --force train`."
+            )
+        artifact.copy(stored, target)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
 """The sweep: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code."""
 
 import fcntl
+import itertools
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -53,16 +54,28 @@ class Job:
     scales: Mapping[str, float]
 
 
-def runs(params: Params, encoder_hash: str, scales: Mapping[str, float]) -> list[Run]:
+def runs(job: Job, encoder_hash: str) -> list[Run]:
     """All runs of the sweep, by condition, reward and seed."""
+    sweep = job.params.sweep
     return [
-        Run(condition, reward, seed, identity.digest(
-            experiment.inputs(params, condition, reward, seed, encoder_hash, scales)
-        ))
-        for condition in params.sweep.conditions
-        for reward in params.sweep.rewards
-        for seed in range(params.sweep.seeds)
-    ]  # fmt: skip
+        run
+        for condition in sweep.conditions
+        for reward in sweep.rewards
+        for run in runs_of(job, encoder_hash, condition, reward, range(sweep.seeds))
+    ]
+
+
+def runs_of(job: Job, encoder_hash: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
+    """The runs of one cell, with the digests that the code on this machine gives them."""
+    return [
+        Run(
+            condition,
+            reward,
+            seed,
+            identity.digest(experiment.inputs(job.params, condition, reward, seed, encoder_hash, job.scales)),
+        )
+        for seed in seeds
+    ]
 
 
 def missing(wanted: list[Run]) -> list[Run]:
@@ -108,8 +121,11 @@ def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
 def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
-    trained = encoder.load(artifact.from_bytes(job.encoder, encoder.SCHEMA))
+    held = artifact.from_bytes(job.encoder, encoder.SCHEMA)
     seeds = [run.seed for run in chunk.runs]
+    if runs_of(job, held.content, first.condition, first.reward, seeds) != list(chunk.runs):
+        raise console.StageError("the code or the libraries changed after the sweep began; run it again")
+    trained = encoder.load(held)
     done = experiment.Experiment(job.params, first.condition, first.reward, seeds, trained, job.scales).run(report)
     about = {"condition": first.condition, "reward": first.reward, "limb": job.params.protocol.limb}
     return [
@@ -154,7 +170,7 @@ def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
             files = work(job, chunk, partial(tally.show_one, chunk))
         except Exception as fault:
             pending[:0] = (alone := _apart(chunk))
-            failed += [] if alone else [f"{chunk.name}: {fault}"]
+            failed += [] if alone else [f"{chunk.name}: {_reason(fault)}"]
             continue
         _keep(chunk, files)
         tally.finished += len(chunk.runs)
@@ -162,7 +178,7 @@ def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
     return failed
 
 
-@ray.remote(num_cpus=0)
+@ray.remote(num_cpus=0, max_restarts=-1)
 class _Board:
     """Where workers write how far they are."""
 
@@ -191,14 +207,15 @@ def _remote(job: Job, chunk: Chunk, number: int, board: Any) -> list[bytes]:
 
 def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
     tally, failed = _Tally(job, todo, progress), []
-    _start_ray()
     try:
+        _start_ray()
         board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
         flying: dict[Any, tuple[int, Chunk]] = {}
 
+        numbers = itertools.count()
+
         def launch(chunks: list[Chunk]) -> None:
-            for chunk in chunks:
-                number = launch.count = getattr(launch, "count", 0) + 1  # type: ignore[attr-defined]
+            for chunk, number in zip(chunks, numbers, strict=False):
                 flying[_remote.remote(shared, chunk, number, board)] = (number, chunk)
 
         launch(todo)
@@ -215,7 +232,10 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
                     continue
                 _keep(chunk, files)
                 tally.finished += len(chunk.runs)
-            done = ray.get(board.get.remote())
+            try:
+                done = ray.get(board.get.remote(), timeout=10 * POLL_SECONDS)
+            except (ray.exceptions.RayError, TimeoutError):
+                continue  # the board is lost or slow: that costs the bar a moment, not the sweep
             tally.show({chunk: done[number] for number, chunk in flying.values() if number in done})
     finally:
         ray.shutdown()
@@ -233,14 +253,17 @@ def _start_ray() -> None:
         log_to_driver=False,
         logging_level=logging.ERROR,
         object_store_memory=OBJECT_STORE,
-        _node_ip_address="127.0.0.1",
     )
 
 
 def _reason(fault: Exception) -> str:
-    """The last line of what a worker raised."""
+    """What a worker raised, in a line; all of it goes to the log."""
+    paths.LOG.parent.mkdir(exist_ok=True)
+    with paths.LOG.open("a") as log:
+        log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
-    return str(cause).strip().splitlines()[-1]
+    lines = str(cause).strip().splitlines()
+    return lines[-1] if lines else type(cause).__name__
 
 
 @contextmanager

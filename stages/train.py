@@ -18,14 +18,16 @@ def main() -> None:
     file = paths.ENCODER.read_bytes()
     held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
     scales = {name: float(data.values) for name, data in artifact.read(paths.SCALES, store.SCALE).datasets.items()}
-    wanted = sweep.runs(p, held.content, scales)
+    job = sweep.Job(p, file, scales)
+    wanted = sweep.runs(job, held.content)
     todo = sweep.missing(wanted)
     print(f"{len(wanted)} runs, {len(wanted) - len(todo)} of them in the store.", flush=True)
-    failed = sweep.compute(sweep.Job(p, file, scales), sweep.chunks(todo, p.sweep.chunk), serial) if todo else []
+    failed = sweep.compute(job, sweep.chunks(todo, p.sweep.chunk), serial) if todo else []
     if failed:
         raise console.StageError(
             "\n".join([*failed, f"{len(failed)} of {len(wanted)} runs failed; the others are kept."])
         )
+    _drop_other_cells({(run.condition, run.reward) for run in wanted})
     shutil.rmtree(paths.MANIFESTS, ignore_errors=True)
     paths.MANIFESTS.mkdir(parents=True)
     for condition in p.sweep.conditions:
@@ -41,6 +43,13 @@ def main() -> None:
             ]
             manifest = {"condition": condition, "reward": reward, "runs": listed}
             paths.manifest(condition, reward).write_text(json.dumps(manifest, indent=1) + "\n")
+
+
+def _drop_other_cells(cells: set[tuple[str, str]]) -> None:
+    """Cells that left the sweep would else stay in data/runs, and in what hangs on it."""
+    for folder in paths.RUNS.glob("*/*"):
+        if (folder.parent.name, folder.name) not in cells:
+            shutil.rmtree(folder)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""dvc.yaml names exactly the code that each stage's script imports, so that no edit goes unnoticed and none costs more."""
+"""dvc.yaml names exactly the code that each stage's script imports: no edit goes unnoticed, none costs more."""
 
 import ast
 from pathlib import Path

@@ -132,5 +132,6 @@ def test_head_and_trunk_are_fixed(built: scene.Scene) -> None:
 def test_attached_names_three_joints_of_the_limb(limb: str) -> None:
     names = [name for name, own in zip(body.ACTUATED, body.attached(limb), strict=True) if own]
     assert len(names) == 3
-    assert {name.split("_")[0] for name in names} == {limb.split("_")[0]}
-    assert {name.split("_")[1][:3] for name in names} == ({"hip", "kne"} if limb.endswith("foot") else {"sho", "elb"})
+    side, end = limb.split("_")
+    joints = ("hip1", "hip2", "knee") if end == "foot" else ("shoulder1", "shoulder2", "elbow")
+    assert set(names) == {f"{side}_{joint}" for joint in joints}

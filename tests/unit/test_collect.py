@@ -62,7 +62,7 @@ def test_the_frames_of_a_pair_are_near(collected: Collected) -> None:
     for centres in collected[1][2:]:
         within = np.linalg.norm(centres[:, :, 1] - centres[:, :, 0], axis=-1)
         across = np.linalg.norm(np.diff(centres[:, :, 1], axis=1), axis=-1)
-        assert 0 < within.min()
+        assert within.min() > 0
         assert within.mean() < 0.5 * across.mean()
 
 

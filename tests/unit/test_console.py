@@ -1,5 +1,6 @@
 """What a person sees of a stage: sentences, exit codes, lines of progress."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -74,7 +75,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(console.time, "monotonic", made)
+    monkeypatch.setattr(time, "monotonic", made)
     return made
 
 
@@ -101,9 +102,13 @@ def test_progress_without_work_has_no_rate(clock: Clock, capsys: pytest.CaptureF
 
 
 def test_progress_that_fails_prints_no_end(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(RuntimeError), console.Progress("Runs", 2, "steps") as progress:
-        progress.update(1)
-        raise RuntimeError
+    def work() -> None:
+        with console.Progress("Runs", 2, "steps") as progress:
+            progress.update(1)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        work()
     assert not capsys.readouterr().err
 
 

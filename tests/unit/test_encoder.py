@@ -228,8 +228,8 @@ def test_the_decoder_sees_h_alone_of_the_bottleneck(net: UNet) -> None:
 def test_h_and_the_skips_both_lead_from_frame_to_picture(net: UNet) -> None:
     frames = torch.rand(1, 3, 128, 128, dtype=torch.float64, requires_grad=True)
     latent, skips = net.encode(frames)
-    for h, given in ((latent, silent(skips)), (latent.detach(), skips)):
-        (gradient,) = torch.autograd.grad(net.decode(h, given).square().sum(), frames, retain_graph=True)
+    for h, through in ((latent, silent(skips)), (latent.detach(), skips)):
+        (gradient,) = torch.autograd.grad(net.decode(h, through).square().sum(), frames, retain_graph=True)
         assert gradient.abs().max() > 0
 
 
@@ -389,9 +389,7 @@ def test_reconstructions_are_pictures(learned: Trained, brief: params.Encoder, f
     assert error < learned.reconstruction[0]
 
 
-def test_an_artifact_gives_the_same_h(
-    learned: Trained, brief: params.Encoder, few: np.ndarray, tmp_path: Path
-) -> None:
+def test_an_artifact_gives_the_same_h(learned: Trained, brief: params.Encoder, few: np.ndarray, tmp_path: Path) -> None:
     content = encoder.save(learned, tmp_path / "encoder.h5", "d" * 64, {"r2_free_x": 0.5})
     held = artifact.read(tmp_path / "encoder.h5", encoder.SCHEMA, "d" * 64)
     assert held.content == content

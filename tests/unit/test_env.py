@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from mimo.env import MIMoMobileEnv
 from mimo.params import ParamsError
 
-SHORT = {"baseline_steps": 2, "attached_steps": 3, "extinction_steps": 2}
+SHORT: dict[str, Any] = {"baseline_steps": 2, "attached_steps": 3, "extinction_steps": 2}
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def env(request: pytest.FixtureRequest) -> Iterator[Any]:
 def episode(env: Any, seed: int) -> list[tuple[dict[str, np.ndarray], float, bool, dict[str, Any]]]:
     env.reset(seed=seed)
     rng = np.random.default_rng(1)
-    rows = []
+    rows: list[tuple[dict[str, np.ndarray], float, bool, dict[str, Any]]] = []
     while not rows or not rows[-1][2]:
         seen, reward, terminated, truncated, info = env.step(rng.integers(0, 2, 12))
         assert not terminated
@@ -33,7 +33,9 @@ def episode(env: Any, seed: int) -> list[tuple[dict[str, np.ndarray], float, boo
     return rows
 
 
-@pytest.mark.parametrize("env", [{"condition": "free"}, {"condition": "noisy", "render_mode": "rgb_array"}], indirect=True)
+@pytest.mark.parametrize(
+    "env", [{"condition": "free"}, {"condition": "noisy", "render_mode": "rgb_array"}], indirect=True
+)
 def test_the_checker_is_content(env: Any) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -281,11 +281,11 @@ def test_outcome_models_start_at_the_quantiles_of_h(tiny: Params, trained: Train
 # Faults.
 
 
-def test_a_reward_that_is_not_finite_stops_the_run(
-    tiny: Params, trained: Trained, scales: dict[str, float]
-) -> None:
+def test_a_reward_that_is_not_finite_stops_the_run(tiny: Params, trained: Trained, scales: dict[str, float]) -> None:
     broken = scales | {"surprise": 1e-320}
-    with pytest.raises(RunError, match="^noisy, mtl_surprise, seed 5 stopped at step 1: the TD error of seed 5 is not"):
+    with pytest.raises(
+        RunError, match=r"^noisy, mtl_surprise, seed 5 stopped at step 1: the TD error of seed 5 is not"
+    ):
         Experiment(tiny, "noisy", "mtl_surprise", [5], trained, broken).run()
     Experiment(tiny, "noisy", "mtl", [5], trained, broken).run()
 
@@ -303,7 +303,7 @@ def test_the_seed_at_fault_is_named(
 
     monkeypatch.setattr(rewards.MTL, "__call__", nan_for_the_second_seed_in_the_third_step)
     told: list[int] = []
-    with pytest.raises(RunError, match="^free, mtl, seeds 4, 7 stopped at step 3: the TD error of seed 7 is not"):
+    with pytest.raises(RunError, match=r"^free, mtl, seeds 4, 7 stopped at step 3: the TD error of seed 7 is not"):
         Experiment(tiny, "free", "mtl", [4, 7], trained, scales).run(told.append)
     assert told == [1, 2]
 
@@ -315,7 +315,7 @@ def test_diverged_physics_stop_the_run(
         raise DivergedError("the physics of world 1 of 2 diverged")
 
     monkeypatch.setattr(Worlds, "_check", diverge)
-    with pytest.raises(RunError, match="^free, rtl, seeds 0, 3 stopped at step 1: the physics of world 1"):
+    with pytest.raises(RunError, match=r"^free, rtl, seeds 0, 3 stopped at step 1: the physics of world 1"):
         Experiment(tiny, "free", "rtl", [0, 3], trained, scales).run()
 
 
@@ -326,11 +326,11 @@ def digest(p: Params, condition: str, reward: str, scales: dict[str, float], see
     return identity.digest(inputs(p, condition, reward, seed, encoder, scales))
 
 
-Path_ = tuple[str, ...]
+Place = tuple[str, ...]
 
 
-def leaves(section: params.Section, above: Path_ = ()) -> list[Path_]:
-    found: list[Path_] = []
+def leaves(section: params.Section, above: Place = ()) -> list[Place]:
+    found: list[Place] = []
     for name in type(section).model_fields:
         value = getattr(section, name)
         found += leaves(value, (*above, name)) if isinstance(value, params.Section) else [(*above, name)]
@@ -347,7 +347,7 @@ def altered(section: Any, path: Sequence[str]) -> Any:
     return section.model_copy(update={name: other or (value[1:] if isinstance(value, list) else value + 1)})
 
 
-def read_by(condition: str, reward: str) -> set[Path_]:
+def read_by(condition: str, reward: str) -> set[Place]:
     """The parameters that a run reads."""
     whole = {"protocol", "world", "agent"} | ({"outcomes"} if "cais" in reward or "surprise" in reward else set())
     found = {path for path in leaves(P) if path[0] in whole}
@@ -358,9 +358,7 @@ def read_by(condition: str, reward: str) -> set[Path_]:
 
 @pytest.mark.parametrize("reward", ["mtl", "cais", "rtl_surprise"])
 @pytest.mark.parametrize("condition", streams.CONDITIONS)
-def test_the_digest_changes_with_what_a_run_reads_alone(
-    condition: str, reward: str, scales: dict[str, float]
-) -> None:
+def test_the_digest_changes_with_what_a_run_reads_alone(condition: str, reward: str, scales: dict[str, float]) -> None:
     base = digest(P, condition, reward, scales)
     assert base == digest(P.model_copy(), condition, reward, dict(reversed(scales.items())))
     changed = {path for path in leaves(P) if digest(altered(P, path), condition, reward, scales) != base}
@@ -382,7 +380,7 @@ def test_a_run_reads_nothing_that_its_digest_leaves_out(
         for depth in range(1, len(path))
         if isinstance(section := _at(tiny, path[:depth]), params.Section)
     }
-    seen: set[Path_] = set()
+    seen: set[Place] = set()
 
     def spy(self: params.Section, name: str) -> Any:
         if id(self) in places and name in type(self).model_fields:
@@ -397,7 +395,7 @@ def test_a_run_reads_nothing_that_its_digest_leaves_out(
     assert read <= read_by(condition, reward)
 
 
-def _at(section: Any, path: Path_) -> Any:
+def _at(section: Any, path: Place) -> Any:
     for name in path:
         section = getattr(section, name)
     return section
@@ -414,8 +412,8 @@ def test_the_digest_changes_with_run_encoder_and_scale(scales: dict[str, float])
     assert len(set(digests)) == len(digests)
     for reward in ALL:
         base = digest(P, "free", reward, scales)
-        for name in scales:
-            other = digest(P, "free", reward, scales | {name: 2 * scales[name]})
+        for name, scale in scales.items():
+            other = digest(P, "free", reward, scales | {name: 2 * scale})
             assert (other != base) == (name in reward.split("_"))
 
 

@@ -15,7 +15,7 @@ from mimo import params
 from mimo.outcomes import Outcomes, huber, quantile_huber_gradient, quantile_huber_loss, taus, wasserstein
 
 JOINTS, LATENT, QUANTILES = 12, 64, 49
-LINES = hnp.arrays(np.float64, (2, 7), elements=st.floats(-10, 10))
+LINES = hnp.arrays(np.float64, (2, 7), elements=st.floats(-10, 10, width=32))
 KAPPAS = st.floats(0.01, 10)
 
 

@@ -40,7 +40,7 @@ def job(tiny: Params, encoder_file: bytes, scales: dict[str, float]) -> Job:
 
 
 def wanted(job: Job) -> list[Run]:
-    return sweep.runs(job.params, artifact.from_bytes(job.encoder, SCHEMA).content, job.scales)
+    return sweep.runs(job, artifact.from_bytes(job.encoder, SCHEMA).content)
 
 
 def kept() -> dict[str, bytes]:

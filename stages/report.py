@@ -31,7 +31,9 @@ _PANELS = (
     "A: MTL, RTL and Surprise reward. B: MTL and RTL combined with Surprise. C: CAIS and CAIS + Surprise reward, the "
     "attached limb against the others. D: Q value of MOVE of the rewards combined with Surprise, likewise. In A and B "
     "the reward is the mean over all twelve joints. Each reward has a strip of its own, since their sizes differ; in "
-    "all, {gain:g} is one SD of a single reward under the resting policy, free mobile, rope attached."
+    "all, {gain:g} is one SD of a single reward under the resting policy, free mobile, rope attached. Q is shown as "
+    "learned, without the bias on MOVE that acting adds. The outcome models draw on the last transitions "
+    "(outcomes.memory), so CAIS and Surprise still know the rope for a while after it is gone."
 )
 CAPTIONS = {  # by file name: heading, caption, where the data lie
     "fig3": ("Figure 3. Free mobile", _PANELS, "results"),
@@ -44,7 +46,9 @@ CAPTIONS = {  # by file name: heading, caption, where the data lie
     ),
     "influence": (
         "Influence of MOVE",
-        "1-Wasserstein distance between p(h|MOVE) and p(h), per joint, wherever the outcome models were learned. CAIS "
+        "Distance between p(h|MOVE) and p(h), per joint, wherever the outcome models were learned: the mean absolute "
+        "difference of their tables, over the latent's dimensions. It is the 1-Wasserstein distance where the tables "
+        "hold quantiles; with a Huber threshold above every error, as here, they hold expectiles. CAIS "
         "pays it only on steps on which the joint moves, so panel C also shows how often that was; this figure does "
         "not. Not a figure of the paper.",
         "results",

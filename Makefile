@@ -2,6 +2,7 @@
 
 PYTHON ?= python3.11
 MUJOCO_GL ?= egl
+SYSTEM_PATH := $(PATH)
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export MUJOCO_GL
 export DVC_NO_ANALYTICS := 1
@@ -45,7 +46,9 @@ bench: $(STAMP) ## Time an agent step
 .venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
 
 $(STAMP): requirements.lock
-	@test -x .venv/bin/python || $(PYTHON) -m venv --without-pip .venv
+	@test -x .venv/bin/pip || { export PATH="$(SYSTEM_PATH)"; $(PYTHON) -m venv .venv >/dev/null || { \
+	  : "Debian's Python may lack ensurepip: pip then comes by the system's pip"; \
+	  $(PYTHON) -m venv --clear --without-pip .venv && $(PYTHON) -m pip --python .venv/bin/python install -qq pip; }; }
 	@echo "Installing requirements.lock into .venv"
-	@$(PYTHON) -m pip --python .venv/bin/python install -qq --disable-pip-version-check -r requirements.lock
+	@.venv/bin/python -m pip install -qq --disable-pip-version-check -r requirements.lock
 	@touch $@

@@ -170,7 +170,7 @@ def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
             files = work(job, chunk, partial(tally.show_one, chunk))
         except Exception as fault:
             pending[:0] = (alone := _apart(chunk))
-            failed += [] if alone else [f"{chunk.name}: {_reason(fault)}"]
+            failed += [] if alone else [_reason(chunk, fault)]
             continue
         _keep(chunk, files)
         tally.finished += len(chunk.runs)
@@ -228,7 +228,7 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
                 except ray.exceptions.RayError as fault:
                     alone = _apart(chunk)
                     launch(alone)
-                    failed += [] if alone else [f"{chunk.name}: {_reason(fault)}"]
+                    failed += [] if alone else [_reason(chunk, fault)]
                     continue
                 _keep(chunk, files)
                 tally.finished += len(chunk.runs)
@@ -256,14 +256,14 @@ def _start_ray() -> None:
     )
 
 
-def _reason(fault: Exception) -> str:
-    """What a worker raised, in a line; all of it goes to the log."""
+def _reason(chunk: Chunk, fault: Exception) -> str:
+    """What a worker raised, in a line that names the run; all of it goes to the log."""
     paths.LOG.parent.mkdir(exist_ok=True)
     with paths.LOG.open("a") as log:
         log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
-    lines = str(cause).strip().splitlines()
-    return lines[-1] if lines else type(cause).__name__
+    text = (str(cause).strip().splitlines() or [type(cause).__name__])[-1]
+    return text if isinstance(cause, experiment.RunError) else f"{chunk.name}: {text}"
 
 
 @contextmanager

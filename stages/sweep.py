@@ -243,10 +243,9 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
 
 
 def _start_ray() -> None:
-    """RAY_ADDRESS's cluster, else a local Ray for this process, on loopback, without dashboard."""
+    """A local Ray for this process, on loopback (see stages/__init__.py), without dashboard."""
     if os.environ.get("RAY_ADDRESS"):
-        ray.init(log_to_driver=False, logging_level=logging.ERROR)
-        return
+        raise console.StageError("RAY_ADDRESS is set, but this version computes on one machine only; unset it.")
     ray.init(
         address="local",
         include_dashboard=False,

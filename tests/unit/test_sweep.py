@@ -213,3 +213,10 @@ def test_a_second_sweep_is_refused(other: "subprocess.Popen[str]", job: Job) -> 
     other.kill()
     other.wait()
     assert sweep.compute(job, [], serial=True) == []
+
+
+def test_a_cluster_is_refused_in_a_sentence(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:6379")
+    with pytest.raises(console.StageError, match="RAY_ADDRESS is set"):
+        sweep.compute(job, sweep.chunks(wanted(job), 1), serial=False)
+    assert not kept()

@@ -1,7 +1,6 @@
 """The sweep: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code."""
 
 import fcntl
-import itertools
 import logging
 import os
 import time
@@ -183,24 +182,24 @@ class _Board:
     """Where workers write how far they are."""
 
     def __init__(self) -> None:
-        self._steps: dict[int, int] = {}
+        self._steps: dict[str, int] = {}
 
-    def put(self, chunk: int, steps: int) -> None:
+    def put(self, chunk: str, steps: int) -> None:
         self._steps[chunk] = steps
 
-    def get(self) -> dict[int, int]:
+    def get(self) -> dict[str, int]:
         return self._steps
 
 
 @ray.remote(num_cpus=1, max_retries=RETRIES)
-def _remote(job: Job, chunk: Chunk, number: int, board: Any) -> list[bytes]:
+def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
     last = 0.0
 
     def report(done: int) -> None:
         nonlocal last
         if time.monotonic() - last > POLL_SECONDS:
             last = time.monotonic()
-            board.put.remote(number, done)
+            board.put.remote(chunk.name, done)
 
     return work(job, chunk, report)
 
@@ -210,24 +209,16 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
     try:
         _start_ray()
         board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
-        flying: dict[Any, tuple[int, Chunk]] = {}
-
-        numbers = itertools.count()
-
-        def launch(chunks: list[Chunk]) -> None:
-            for chunk, number in zip(chunks, numbers, strict=False):
-                flying[_remote.remote(shared, chunk, number, board)] = (number, chunk)
-
-        launch(todo)
+        flying: dict[Any, Chunk] = {_remote.remote(shared, chunk, board): chunk for chunk in todo}
         while flying:
             ready, _ = ray.wait(list(flying), timeout=POLL_SECONDS)
             for reference in ready:
-                _, chunk = flying.pop(reference)
+                chunk = flying.pop(reference)
                 try:
                     files = ray.get(reference)
                 except ray.exceptions.RayError as fault:
                     alone = _apart(chunk)
-                    launch(alone)
+                    flying |= {_remote.remote(shared, single, board): single for single in alone}
                     failed += [] if alone else [_reason(chunk, fault)]
                     continue
                 _keep(chunk, files)
@@ -236,7 +227,7 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
                 done = ray.get(board.get.remote(), timeout=10 * POLL_SECONDS)
             except (ray.exceptions.RayError, TimeoutError):
                 continue  # the board is lost or slow: that costs the bar a moment, not the sweep
-            tally.show({chunk: done[number] for number, chunk in flying.values() if number in done})
+            tally.show({chunk: done[chunk.name] for chunk in flying.values() if chunk.name in done})
     finally:
         ray.shutdown()
     return failed

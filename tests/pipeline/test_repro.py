@@ -154,6 +154,32 @@ def test_a_comment_in_the_learner_computes_nothing(project: Path) -> None:
     assert digests(project, "data", "reports") == before
 
 
+def test_a_reward_of_ones_own_is_a_class_and_a_name_and_computes_its_runs_alone(project: Path) -> None:
+    before, runs = stored(project), digests(project, "data/runs")
+    code = project / "mimo/rewards.py"
+    code.write_text(
+        code.read_text()
+        + """
+
+class Stillness(Reward):
+    \"\"\"How little the mobile travelled.\"\"\"
+
+    name = "stillness"
+
+    def __call__(self, t: Transition) -> Tensor:
+        return -t.path_length.unsqueeze(-1).expand(t.action.shape)
+"""
+    )
+    edit(project, ("sweep.rewards", ["mtl", "cais", "stillness"]))
+    exit_code, output = repro(project)
+    assert exit_code == 0, output
+    assert "6 runs, 4 of them in the store." in output
+    assert len(stored(project) - before) == 2
+    after = digests(project, "data/runs")
+    assert {name: after[name] for name in runs} == runs
+    assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
+
+
 @pytest.mark.parametrize(
     ("changes", "sentences"),
     [

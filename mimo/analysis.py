@@ -14,8 +14,15 @@ from mimo.protocol import PHASES
 GROUPS = ("attached", "others")
 MOVE = 1  # as mimo.agent's, which would load torch
 ACRONYMS = ("mtl", "rtl", "cais")
-LATE = 300  # steps: what counts as early and as late in the attached phase
-BURST = 100  # steps: where an extinction burst would be
+TABLED = (
+    "baseline",
+    "acquisition_early",
+    "acquisition_late",
+    "extinction_early",
+    "extinction_late",
+)  # windows of tables
+LATE = 300  # steps: what counts as early and as late in a phase
+MINUTE = 100  # steps of 0.6 s
 
 Array = np.ndarray
 
@@ -27,26 +34,38 @@ def phases(baseline: int, attached: int, extinction: int) -> dict[str, slice]:
 
 
 def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
-    """The stretches of steps over which tables take means.
+    """The stretches of steps over which tables and claims take means.
 
-    Early and late acquisition are the first and last LATE steps of the attached phase, early extinction the first BURST
-    steps after it; of a short phase, half.
+    The attached phase, and `baseline`, are whole phases. Late is a phase's last LATE steps, early acquisition the first
+    LATE. Start and end are a phase's first and last MINUTE steps; extinction's start is its early part, where a burst
+    would be. Of a short phase, half.
     """
     baseline, attached, extinction = (phases[name] for name in PHASES)
-    late = _share(attached, LATE)
-    burst = extinction.start + _share(extinction, BURST)
     return {
         "baseline": baseline,
-        "acquisition_early": slice(attached.start, attached.start + late),
-        "acquisition_late": slice(attached.stop - late, attached.stop),
-        "extinction_early": slice(extinction.start, burst),
-        "extinction_late": slice(min(burst, extinction.stop - 1), extinction.stop),
+        "baseline_late": _last(baseline, LATE),
+        "baseline_end": _last(baseline, MINUTE),
+        "attached": attached,
+        "acquisition_start": _first(attached, MINUTE),
+        "acquisition_early": _first(attached, LATE),
+        "acquisition_late": _last(attached, LATE),
+        "acquisition_end": _last(attached, MINUTE),
+        "extinction_early": _first(extinction, MINUTE),
+        "extinction_late": _last(extinction, LATE),
     }
 
 
 def label(reward: str) -> str:
     """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
     return " + ".join(part.upper() if part in ACRONYMS else part.capitalize() for part in reward.split("_"))
+
+
+def _first(phase: slice, steps: int) -> slice:
+    return slice(phase.start, phase.start + _share(phase, steps))
+
+
+def _last(phase: slice, steps: int) -> slice:
+    return slice(phase.stop - _share(phase, steps), phase.stop)
 
 
 def _share(phase: slice, steps: int) -> int:
@@ -156,7 +175,8 @@ def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: s
         if f"{curve}/attached" not in over:
             continue
         found[curve] = {}
-        for name, steps in windows.items():
+        for name in TABLED:
+            steps = windows[name]
             limb, others = (over[f"{curve}/{group}"][:, steps].mean(axis=1) for group in GROUPS)
             groups = {"attached": limb, "others": others, "difference": limb - others}
             found[curve][name] = {group: _spread(values) for group, values in groups.items()}

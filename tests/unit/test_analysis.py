@@ -60,10 +60,15 @@ def test_windows_of_the_papers_protocol():
     found = analysis.windows(analysis.phases(500, 1500, 500))
     assert {name: (w.start, w.stop) for name, w in found.items()} == {
         "baseline": (0, 500),
+        "baseline_late": (250, 500),
+        "baseline_end": (400, 500),
+        "attached": (500, 2000),
+        "acquisition_start": (500, 600),
         "acquisition_early": (500, 800),
         "acquisition_late": (1700, 2000),
+        "acquisition_end": (1900, 2000),
         "extinction_early": (2000, 2100),
-        "extinction_late": (2100, 2500),
+        "extinction_late": (2250, 2500),
     }
 
 
@@ -71,7 +76,7 @@ def test_windows_of_the_papers_protocol():
 def test_windows_of_any_protocol_hold_a_step_and_stay_in_their_phase(baseline: int, attached: int, extinction: int):
     phases = analysis.phases(baseline, attached, extinction)
     for name, found in analysis.windows(phases).items():
-        phase = phases[{"baseline": "baseline", "acquisition": "attached"}.get(name.split("_")[0], "extinction")]
+        phase = phases[{"acquisition": "attached"}.get(name.split("_")[0], name.split("_")[0])]
         assert phase.start <= found.start < found.stop <= phase.stop
 
 

@@ -1,0 +1,511 @@
+"""The claims of the paper's §4, each as tests that were fixed before the published runs were made.
+
+A test measures one effect in every seed and says in which region the paper's claim puts it: at least the smallest
+effect that counts, at most so much, or so close to nothing that it does not count (an equivalence test). Effects are
+differences inside a seed, or between rewards that saw the same noise: seeds pair. Their centre is the interquartile
+mean over seeds; its 95 % bootstrap interval decides:
+
+- `holds`: the whole interval lies in the region;
+- `fails`: the whole interval lies outside;
+- `undecided`: it straddles the region's border.
+
+A claim holds if all its tests do, and fails if any does.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from mimo.analysis import MINUTE, label
+
+Array = np.ndarray
+Cell = tuple[str, str]  # condition, reward
+Curves = Mapping[Cell, Mapping[str, Array]]  # (seed, step) by name, as mimo.analysis.curves names them
+Windows = Mapping[str, slice]
+Measure = Callable[[Curves, Windows], Array]  # -> (seed,) effects
+
+LEVEL = 0.95  # of the intervals
+RESAMPLES = 9999
+
+# The smallest effects that count, and the margins within which an effect counts as none.
+P_MOVE = 0.05  # of P(MOVE): one movement in twenty steps
+Q_MOVE = 0.06  # scaled reward: a fifth of the temperature, which is worth about P_MOVE at a P(MOVE) of 1/3
+MEDIUM, SMALL = 0.5, 0.2  # Cohen's d, medium and small (Cohen 1988)
+EXCESS, NO_EXCESS = 0.25, 0.1  # of the others' influence
+SUSTAINED = 0.9  # share of the attached phase's minutes
+REMAINS = 0.1  # of a rise
+FAITHFUL = 0.7  # rank correlation
+
+HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
+
+
+@dataclass(frozen=True)
+class Test:
+    """One effect, and where the claim puts it.
+
+    Attributes:
+        name: unique within its claim.
+        says: what is compared with what, in words.
+        cells: the conditions and rewards whose runs it reads.
+        unit: of the effect.
+        low: the claim's region is low <= effect <= high; either end may be infinite.
+        high: see low.
+        measure: from curves and windows to the effect in each seed.
+    """
+
+    name: str
+    says: str
+    cells: tuple[Cell, ...]
+    unit: str
+    low: float
+    high: float
+    measure: Measure
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the paper, in our words.
+
+    Attributes:
+        name: short and unique.
+        section: of the paper.
+        says: the claim.
+        panel: the panel that shows it.
+        tests: what must hold.
+    """
+
+    name: str
+    section: str
+    says: str
+    panel: str
+    tests: tuple[Test, ...]
+
+
+def interquartile_mean(effects: Array, axis: int = -1) -> Array:
+    """Mean of the middle half: a quarter of the values is cut at either end (rounded down)."""
+    return np.asarray(stats.trim_mean(effects, 0.25, axis=axis))
+
+
+def interval(effects: Array) -> tuple[float, float] | None:
+    """Percentile bootstrap of the interquartile mean over seeds, LEVEL; None for fewer than two seeds.
+
+    Resampling is seeded, so the same effects always have the same interval.
+    """
+    if len(effects) < 2:
+        return None
+    found = stats.bootstrap(
+        (effects,),
+        interquartile_mean,
+        confidence_level=LEVEL,
+        n_resamples=RESAMPLES,
+        method="percentile",
+        vectorized=True,
+        rng=np.random.default_rng(0),
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
+def verdict(bounds: tuple[float, float] | None, low: float, high: float) -> str:
+    """Whether an interval lies in the region, outside, or straddles its border."""
+    if bounds is None:
+        return UNDECIDED
+    if low <= bounds[0] and bounds[1] <= high:
+        return HOLDS
+    return FAILS if bounds[1] < low or high < bounds[0] else UNDECIDED
+
+
+def evaluate(curves: Curves, windows: Windows, claims: Sequence[Claim]) -> list[dict[str, Any]]:
+    """Every claim's verdict with what is behind it, ready for JSON.
+
+    Tests whose cells are missing from `curves` are left out; so are claims with no test left, while a claim that lost
+    some is `complete: false` and cannot hold.
+
+    Args:
+        curves: (seed, step) by name, of each condition and reward.
+        windows: stretches of steps, as mimo.analysis.windows names them.
+        claims: usually CLAIMS.
+
+    Returns:
+        For each claim `name`, `section`, `says`, `panel`, `verdict`, `complete` and `tests`; for each test `name`,
+        `says`, `unit`, `region` and `interval` ([low, high], None for no end), `effect`, `n`, `seeds` (the effect in
+        each) and `verdict`.
+    """
+    found = []
+    for claim in claims:
+        tests = [_tested(test, curves, windows) for test in claim.tests if all(cell in curves for cell in test.cells)]
+        if tests:
+            complete = len(tests) == len(claim.tests)
+            found.append(
+                {
+                    "name": claim.name,
+                    "section": claim.section,
+                    "says": claim.says,
+                    "panel": claim.panel,
+                    "verdict": _together([test["verdict"] for test in tests], complete),
+                    "complete": complete,
+                    "tests": tests,
+                }
+            )
+    return found
+
+
+def _tested(test: Test, curves: Curves, windows: Windows) -> dict[str, Any]:
+    effects = np.asarray(test.measure(curves, windows), np.float64)
+    bounds = interval(effects)
+    return {
+        "name": test.name,
+        "says": test.says,
+        "cells": ["/".join(cell) for cell in test.cells],
+        "unit": test.unit,
+        "region": [None if np.isinf(end) else end for end in (test.low, test.high)],
+        "effect": float(interquartile_mean(effects)),
+        "interval": None if bounds is None else list(bounds),
+        "n": len(effects),
+        "seeds": effects.tolist(),
+        "verdict": verdict(bounds, test.low, test.high),
+    }
+
+
+def _together(verdicts: Sequence[str], complete: bool) -> str:
+    if FAILS in verdicts:
+        return FAILS
+    return HOLDS if complete and set(verdicts) == {HOLDS} else UNDECIDED
+
+
+# Effects. Each returns a function from curves and windows to (seed,).
+
+
+def shift(cell: Cell, curve: str, after: str, before: str) -> Measure:
+    """Cohen's d of a curve's steps in one window against another: the mean's change over the pooled SD of steps."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        first, second = (curves[cell][curve][:, windows[name]].astype(np.float64) for name in (before, after))
+        pooled = np.sqrt((first.var(axis=1) + second.var(axis=1)) / 2)
+        change = second.mean(axis=1) - first.mean(axis=1)
+        return np.asarray(np.divide(change, pooled, out=np.zeros_like(change), where=pooled > 0))
+
+    return measure
+
+
+def change(cell: Cell, curve: str, after: str, before: str) -> Measure:
+    """Change of a curve's mean from one window to another."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        return np.asarray(_mean(curves[cell][curve], windows[after]) - _mean(curves[cell][curve], windows[before]))
+
+    return measure
+
+
+def remains(cell: Cell, curve: str) -> Measure:
+    """What is left in late extinction of the rise from late baseline to late acquisition, as a share of it."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        baseline, attached, extinction = (
+            _mean(curves[cell][curve], windows[name])
+            for name in ("baseline_late", "acquisition_late", "extinction_late")
+        )
+        return np.asarray((extinction - baseline) / (attached - baseline))
+
+    return measure
+
+
+def singled_out(cell: Cell, curve: str) -> Measure:
+    """What the attached limb's lead over the others gained from late baseline to late acquisition."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        lead = curves[cell][f"{curve}/attached"].astype(np.float64) - curves[cell][f"{curve}/others"]
+        return np.asarray(_mean(lead, windows["acquisition_late"]) - _mean(lead, windows["baseline_late"]))
+
+    return measure
+
+
+def excess(cell: Cell, window: str) -> Measure:
+    """Influence of the attached limb's MOVE over that of the others', minus 1."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        limb, others = (_mean(curves[cell][f"influence/{group}"], windows[window]) for group in ("attached", "others"))
+        return np.asarray(limb / others - 1)
+
+    return measure
+
+
+def throughout(cell: Cell) -> Measure:
+    """Share of the attached phase's minutes in which the attached limb's influence exceeds the others'."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        phase = windows["attached"]
+        starts = np.arange(phase.start, phase.stop, MINUTE)
+        lead = curves[cell]["influence/attached"].astype(np.float64) - curves[cell]["influence/others"]
+        return np.asarray(np.mean(np.add.reduceat(lead[:, : phase.stop], starts, axis=1) > 0, axis=1))
+
+    return measure
+
+
+def correlation(cell: Cell, first: str, second: str) -> Measure:
+    """Spearman's rank correlation of two curves over the steps of the attached phase."""
+
+    def measure(curves: Curves, windows: Windows) -> Array:
+        pairs = zip(*(curves[cell][name][:, windows["attached"]] for name in (first, second)), strict=True)
+        return np.array([stats.spearmanr(a, b).statistic for a, b in pairs])
+
+    return measure
+
+
+def more(first: Measure, second: Measure) -> Measure:
+    """By how much one effect exceeds another, seed by seed."""
+    return lambda curves, windows: np.asarray(first(curves, windows) - second(curves, windows))
+
+
+def _mean(curve: Array, window: slice) -> Array:
+    return np.asarray(curve[:, window].mean(axis=1, dtype=np.float64))
+
+
+# The claims.
+
+INFINITY = float("inf")
+RISES = (MEDIUM, INFINITY)
+LEADS = (P_MOVE, INFINITY)
+D, P = "SD over steps", "P(MOVE)"
+BURST = "first minute of extinction against the minute before"
+
+
+def _shifts(
+    name: str, cell: Cell, says: str, curve: str, windows: tuple[str, str], region: tuple[float, float]
+) -> Test:
+    """`windows` are after and before."""
+    return Test(name, f"{_name(cell)}: {says}", (cell,), D, *region, shift(cell, curve, *windows))
+
+
+def _rises_and_returns(reward: str) -> tuple[Test, ...]:
+    cell, curve = ("free", reward), "reward/all"
+    says = f"{_name(cell)}: what late extinction keeps of that rise"
+    return (
+        _shifts(
+            f"{reward}_rises", cell, "reward, late attached phase against late baseline", curve,
+            ("acquisition_late", "baseline_late"), RISES,
+        ),
+        Test(
+            f"{reward}_returns", says, (cell,), "share of the rise", -REMAINS, REMAINS, remains(cell, curve)
+        ),
+    )  # fmt: skip
+
+
+def _leads(cell: Cell, region: tuple[float, float] = LEADS) -> Test:
+    says = f"{_name(cell)}: rise of the attached limb's lead in P(MOVE)"
+    return Test(f"{'_'.join(cell)}_p", says, (cell,), P, *region, singled_out(cell, "move_probability"))
+
+
+def _leads_in_q(cell: Cell) -> Test:
+    says = f"{_name(cell)}: rise of the attached limb's lead in Q(MOVE)"
+    return Test(f"{'_'.join(cell)}_q", says, (cell,), "scaled reward", Q_MOVE, INFINITY, singled_out(cell, "q_move"))
+
+
+def _learns(cell: Cell) -> tuple[Test, ...]:
+    return _leads(cell), _leads_in_q(cell)
+
+
+def _alone(cell: Cell, other: Cell) -> Test:
+    says = f"{_name(cell)}: rise of the lead in P(MOVE), more than with {label(other[1])}"
+    lead, others = (singled_out(one, "move_probability") for one in (cell, other))
+    return Test(f"more_than_{other[1]}", says, (cell, other), P, *LEADS, more(lead, others))
+
+
+def _tells(condition: str) -> tuple[Test, ...]:
+    cell = (condition, "cais")
+    above = f"{_name(cell)}: influence of the attached limb over the others'"
+    minutes = f"{_name(cell)}: minutes of the attached phase in which the attached limb's influence is above"
+    return (
+        Test(
+            f"{condition}_above", f"{above}, late attached phase", (cell,), "share of the others'", EXCESS, INFINITY,
+            excess(cell, "acquisition_late"),
+        ),
+        Test(
+            f"{condition}_throughout", minutes, (cell,), "share of minutes", SUSTAINED, INFINITY, throughout(cell)
+        ),
+        Test(
+            f"{condition}_together", f"{above}, late extinction", (cell,), "share of the others'", -NO_EXCESS,
+            NO_EXCESS, excess(cell, "extinction_late"),
+        ),
+    )  # fmt: skip
+
+
+def _uninformed(reward: str) -> tuple[Test, ...]:
+    cell, curve, margin = ("noisy", reward), "reward/all", (-SMALL, SMALL)
+    return (
+        _shifts(
+            f"{reward}_attached", cell, "reward, late attached phase against late baseline", curve,
+            ("acquisition_late", "baseline_late"), margin,
+        ),
+        _shifts(
+            f"{reward}_extinction", cell, "reward, late extinction against late attached phase", curve,
+            ("extinction_late", "acquisition_late"), margin,
+        ),
+        _leads(cell, (-P_MOVE, P_MOVE)),
+    )  # fmt: skip
+
+
+def _spike(cell: Cell, region: tuple[float, float]) -> Test:
+    windows = "extinction_early", "acquisition_end"
+    return _shifts(
+        f"{'_'.join(cell)}_reward", cell, f"reward of the attached limb, {BURST}", "reward/attached", windows, region
+    )
+
+
+def _behaviour(cell: Cell, region: tuple[float, float]) -> Test:
+    says = f"{_name(cell)}: P(MOVE) of the attached limb, {BURST}"
+    return Test(f"{'_'.join(cell)}_p", says, (cell,), P, *region, _burst(cell))
+
+
+def _burst(cell: Cell) -> Measure:
+    return change(cell, "move_probability/attached", "extinction_early", "acquisition_end")
+
+
+def _bursts(condition: str) -> tuple[Test, ...]:
+    cell, control = (condition, "cais_surprise"), (condition, "cais")
+    fades = f"{_name(cell)}: P(MOVE) of the attached limb, late extinction against its first minute"
+    caused = f"{_name(cell)}: the change of P(MOVE) at the onset of extinction, more than with CAIS alone"
+    return (
+        _spike(cell, RISES),
+        _behaviour(cell, LEADS),
+        Test(
+            f"{condition}_fades", fades, (cell,), P, -INFINITY, -P_MOVE,
+            change(cell, "move_probability/attached", "extinction_late", "extinction_early"),
+        ),
+        Test(f"{condition}_by_surprise", caused, (cell, control), P, *LEADS, more(_burst(cell), _burst(control))),
+    )  # fmt: skip
+
+
+def _no_burst(cell: Cell) -> tuple[Test, ...]:
+    return _spike(cell, (-INFINITY, MEDIUM)), _behaviour(cell, (-INFINITY, P_MOVE))
+
+
+def _name(cell: Cell) -> str:
+    return f"{cell[0]}, {label(cell[1])}"
+
+
+CLAIMS = (
+    Claim(
+        "1 perceptual rewards, quiet",
+        "§4.1",
+        "With a free mobile the MTL and RTL rewards rise while the rope is on, and are back at baseline in extinction.",
+        "fig. 3 A",
+        (*_rises_and_returns("mtl"), *_rises_and_returns("rtl")),
+    ),
+    Claim(
+        "1b RTL follows the mobile",
+        "§4.1",
+        "With a free mobile the path of the latent is a faithful proxy of the path of the mobile.",
+        "fig. 3 A",
+        (
+            Test(
+                "rank_correlation",
+                "free, RTL: rank correlation of both paths over the attached phase's steps",
+                (("free", "rtl"),),
+                "Spearman's rho",
+                FAITHFUL,
+                INFINITY,
+                correlation(("free", "rtl"), "path_length", "latent_length"),
+            ),
+        ),
+    ),
+    Claim(
+        "2 CAIS tells the limb",
+        "§4.1, §4.2",
+        "With and without noise the attached limb's CAIS is above the others' throughout the attached phase, and back "
+        "with them in extinction.",
+        "figs. 3 C, 4 C",
+        (*_tells("free"), *_tells("noisy")),
+    ),
+    Claim(
+        "3 all learn, quiet",
+        "§4.1",
+        "With a free mobile agents rewarded by MTL, RTL or CAIS raise P(MOVE) and Q(MOVE) of the attached limb above "
+        "the others'.",
+        "fig. 3 D",
+        (*_learns(("free", "mtl")), *_learns(("free", "rtl")), *_learns(("free", "cais"))),
+    ),
+    Claim(
+        "4 perceptual rewards fail, noisy",
+        "§4.2",
+        "In noise the MTL and RTL rewards do not differ between the phases, and their agents do not single out the "
+        "limb.",
+        "fig. 4 A, D",
+        (*_uninformed("mtl"), *_uninformed("rtl")),
+    ),
+    Claim(
+        "5 CAIS alone learns, noisy",
+        "§4.2",
+        "In noise the agent rewarded by CAIS raises P(MOVE) and Q(MOVE) of the attached limb, and it alone of the "
+        "three.",
+        "fig. 4 C, D",
+        (
+            *_learns(("noisy", "cais")),
+            _alone(("noisy", "cais"), ("noisy", "mtl")),
+            _alone(("noisy", "cais"), ("noisy", "rtl")),
+        ),
+    ),
+    Claim(
+        "6 Surprise detects violations",
+        "§4.3",
+        "Surprise spikes at the onset of the attached phase, decays in it, and spikes again at the onset of "
+        "extinction.",
+        "fig. 3 A",
+        (
+            _shifts(
+                "onset",
+                ("free", "surprise"),
+                "reward, first minute of the rope against the minute before",
+                "reward/all",
+                ("acquisition_start", "baseline_end"),
+                RISES,
+            ),
+            _shifts(
+                "decay",
+                ("free", "surprise"),
+                "reward, last minute of the rope against its first",
+                "reward/all",
+                ("acquisition_end", "acquisition_start"),
+                (-INFINITY, -MEDIUM),
+            ),
+            _shifts(
+                "violation",
+                ("free", "surprise"),
+                f"reward, {BURST}",
+                "reward/all",
+                ("extinction_early", "acquisition_end"),
+                RISES,
+            ),
+        ),
+    ),
+    Claim(
+        "7a burst, quiet",
+        "§4.3",
+        "CAIS + Surprise with a free mobile: reward and P(MOVE) of the attached limb burst when the rope is gone, for "
+        "a while, and by Surprise.",
+        "fig. 3 C",
+        _bursts("free"),
+    ),
+    Claim("7b burst, noisy", "§4.3", "The same in noise.", "fig. 4 C", _bursts("noisy")),
+    Claim(
+        "8 no burst without CAIS",
+        "§4.3",
+        "MTL + Surprise and RTL + Surprise show no clear burst, with or without noise.",
+        "figs. 3 B, 4 B",
+        tuple(
+            test
+            for condition in ("free", "noisy")
+            for reward in ("mtl_surprise", "rtl_surprise")
+            for test in _no_burst((condition, reward))
+        ),
+    ),
+    Claim(
+        "9 CAIS + Surprise learns",
+        "§4.4",
+        "The agent rewarded by CAIS + Surprise raises P(MOVE) of the attached limb in both conditions.",
+        "figs. 3 D, 4 D",
+        (_leads(("free", "cais_surprise")), _leads(("noisy", "cais_surprise"))),
+    ),
+)

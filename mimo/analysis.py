@@ -84,7 +84,8 @@ def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: st
         (step,) float32 by name. `reward`, `q_move`, `q_advantage` (Q(MOVE) - Q(NO_TORQUE)), `move_probability`, each
         `part/<reward>` in its own units and, where it was recorded, `influence` (of MOVE) end in `/attached` or
         `/others`, a mean over joints; `reward/all` is the mean over all twelve. `limb/<name>` is P(MOVE) of each limb.
-        `path_length` (m) and `latent_length` (h) are the mobile's and the latent's.
+        `path_length` (m) and `latent_length` (h) are the mobile's and the latent's; `displacement` (m) is the mobile's
+        straight way from the end of one step to that of the next (0 at the first).
     """
     joints = {"attached": limbs[attached], "others": ~limbs[attached]}
     q = record["q"]
@@ -104,6 +105,8 @@ def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: st
     for limb, mask in limbs.items():
         made[f"limb/{limb}"] = record["move_probability"][:, mask].mean(axis=1, dtype=np.float64)
     made |= {name: record[name] for name in ("path_length", "latent_length")}
+    ends = record["centre_of_mass"].astype(np.float64)
+    made["displacement"] = np.linalg.norm(np.diff(ends, axis=0, prepend=ends[:1]), axis=1)
     return {name: values.astype(np.float32) for name, values in made.items()}
 
 

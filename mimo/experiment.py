@@ -39,7 +39,7 @@ def inputs(
         reward: its name, or several joined by "_".
         seed: seed index.
         encoder: content hash of the encoder.
-        scales: each reward's scale; only those of the run's parts count.
+        scales: each reward's scale; only those of the run's parts count, and none if `rewards.scale` is running.
     """
     parts = reward.split("_")
     read: dict[str, Any] = {
@@ -49,7 +49,7 @@ def inputs(
         "condition": getattr(params.conditions, condition).model_dump(),
         "encoder": {name: getattr(params.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")},
         "agent": params.agent.model_dump(),
-        "rewards": {"gain": params.rewards.gain}
+        "rewards": {"gain": params.rewards.gain, "scale": params.rewards.scale}
         | {part: own.model_dump() for part in parts if (own := getattr(params.rewards, part, None))},
     }
     if rewards.needs_outcomes(reward):
@@ -60,7 +60,7 @@ def inputs(
         "reward": reward,
         "seed": seed,
         "encoder": encoder,
-        "scales": {part: scales[part] for part in parts},
+        "scales": {part: scales[part] for part in parts} if params.rewards.scale == "resting" else {},
         "code": identity.code("mimo.experiment", rewards=parts),
         "versions": identity.versions(),
     }
@@ -73,6 +73,37 @@ def initial_quantiles(settings: Params, trained: Trained) -> Tensor:
     return torch.from_numpy(start.astype(np.float32))
 
 
+class Running:
+    """Standardises one reward of N seeds by its mean and SD so far, over steps and joints, each seed by its own.
+
+    Chan, Golub & LeVeque's update (1979), in float64.
+    """
+
+    def __init__(self, seeds: int) -> None:
+        self._count = 0
+        self._mean, self._squares = np.zeros((2, seeds))  # squares: sum of squared distances from the mean
+
+    def __call__(self, values: Tensor) -> Tensor:
+        """Take in a step's values and standardise them; the mean and SD are those with this step.
+
+        Args:
+            values: (N, 12), in the reward's own units.
+
+        Returns:
+            (N, 12) float32, in SDs from the mean; 0 as long as all values are equal.
+        """
+        rows = np.ascontiguousarray(values.numpy(), np.float64)
+        old, new = self._count, rows.shape[1]
+        self._count += new
+        # Row by row, since a sum over a stack may take another order in another stack.
+        ahead = np.array([row.mean() for row in rows]) - self._mean
+        self._mean += ahead * new / self._count
+        self._squares += np.array([row.var() for row in rows]) * new + ahead**2 * old * new / self._count
+        deviation = np.sqrt(self._squares / self._count)[:, None]
+        deviation[deviation == 0] = np.inf
+        return torch.from_numpy((rows - self._mean[:, None]) / deviation).float()
+
+
 class Experiment:
     """Some seeds of one condition and reward, in lock step.
 
@@ -82,7 +113,7 @@ class Experiment:
         reward: a reward's name, or several joined by "_".
         seeds: seed indices.
         trained: the encoder.
-        scales: by reward name, the SD by which it is divided.
+        scales: by reward name, the SD by which it is divided; not read if `rewards.scale` is running.
     """
 
     def __init__(
@@ -105,7 +136,9 @@ class Experiment:
         self.eye = Eye(built)
         self.extractor = Extractor(params.encoder, trained)
         self.parts = rewards.parts(reward, params.rewards)
-        self._gains = [params.rewards.gain / scales[part.name] for part in self.parts]
+        gain, running = params.rewards.gain, params.rewards.scale == "running"
+        self._gains = [gain if running else gain / scales[part.name] for part in self.parts]
+        self._running = [Running(len(self.seeds)) for _ in self.parts] if running else None
         self._direction, self._policy = generators("direction"), generators("policy")
         self.latent = self.extractor(self.eye.frames(self.worlds.qpos))
         self.state = self._state(self.worlds.proprioception())
@@ -155,7 +188,10 @@ class Experiment:
             expectation=self.outcomes.expectation(action) if self.outcomes else None,
         )
         parts = [part(transition) for part in self.parts]
-        reward = torch.stack([gain * part for gain, part in zip(self._gains, parts, strict=True)]).sum(dim=0)
+        scaled = parts
+        if self._running:
+            scaled = [running(part) for running, part in zip(self._running, parts, strict=True)]
+        reward = torch.stack([gain * part for gain, part in zip(self._gains, scaled, strict=True)]).sum(dim=0)
         before, self.latent = self.state, latent
         self.state = self._state(outcome.proprioception)
         error = self.agents.update(before, action, reward, self.state)

@@ -25,37 +25,6 @@ def taus(quantiles: int) -> Tensor:
     return torch.arange(1, quantiles + 1) / (quantiles + 1)
 
 
-def huber(u: Tensor, kappa: float) -> Tensor:
-    """Huber loss of u, paper eq. huber_loss."""
-    size = u.abs()
-    return torch.where(size <= kappa, 0.5 * u.square(), kappa * (size - 0.5 * kappa))
-
-
-def quantile_huber_loss(y: Tensor, q: Tensor, tau: Tensor, kappa: float) -> Tensor:
-    """Asymmetric loss of each element, paper eq. quantile_loss, with u = y - q; arguments broadcast."""
-    u = y - q
-    return (tau - (u < 0).to(u.dtype)).abs() * huber(u, kappa)
-
-
-def quantile_huber_gradient(y: Tensor, q: Tensor, tau: Tensor, kappa: float) -> Tensor:
-    """Derivative of `quantile_huber_loss` by q: -|tau - 1(u < 0)| clip(u, -kappa, kappa), split at u = 0."""
-    u = y - q
-    return -(tau * u.clamp(0, kappa) + (1 - tau) * u.clamp(-kappa, 0))
-
-
-def wasserstein(first: Tensor, second: Tensor) -> Tensor:
-    """1-Wasserstein distance, paper eq. quantile_w2, of quantiles at the same evenly spaced levels.
-
-    Args:
-        first: (..., quantiles).
-        second: (..., quantiles).
-
-    Returns:
-        (...), in units of the quantiles.
-    """
-    return (first - second).abs().mean(-1)
-
-
 class Outcomes:
     """Outcome models of N seeds in lock step, which share no number."""
 
@@ -105,9 +74,10 @@ class Outcomes:
     def update(self, action: Tensor, latent: Tensor) -> None:
         """Remember a transition, then take one step of AdamW on a batch of the last `memory` transitions.
 
-        The batch is drawn uniformly and with replacement, so it need not hold the newest transition. The loss is the
-        mean of `quantile_huber_loss` over the batch, summed over tables: the tables are independent, and each action's
-        table learns from the transitions in which its joint took that action.
+        The batch is drawn uniformly and with replacement, so it need not hold the newest transition. The loss of a
+        quantile q at level tau is |tau - 1(u < 0)| Huber(u) with u = h - q (paper eqs. huber_loss, quantile_loss), mean
+        over the batch, summed over tables: the tables are independent, and each action's table learns from the
+        transitions in which its joint took that action.
 
         Args:
             action: (N, 12) bool, True where the joint moved.
@@ -124,7 +94,9 @@ class Outcomes:
         self._optimizer.step()
 
     def _differentiate(self, seed: int, rows: Tensor, latent: Tensor) -> None:
-        """Write the loss's gradient: `quantile_huber_gradient` of the batch, in few passes over memory.
+        """Write the loss's gradient in few passes over memory.
+
+        The derivative of paper eq. quantile_loss by q is -|tau - 1(u < 0)| clip(u, -kappa, kappa), here split at u = 0.
 
         Args:
             seed: place in the stack.
@@ -144,6 +116,8 @@ class Outcomes:
     @torch.no_grad()
     def influence(self) -> Tensor:
         """Causal influence of each action, paper eq. causality_continuous: W1 of p(h|a) and p(h), mean over the latent.
+
+        W1 is the mean distance of quantiles at the same level (paper eq. quantile_w2).
 
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of h.

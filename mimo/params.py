@@ -2,9 +2,9 @@
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -18,6 +18,8 @@ NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0)]
 Limb = Literal["left_foot", "right_foot", "left_hand", "right_hand"]
 Condition = Literal["free", "noisy"]
+# What a variant may change: it keeps the seed, the protocol and the published encoder, whatever world that has seen.
+VARIED = ("conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd")
 
 
 class ParamsError(Fault, ValueError):
@@ -124,17 +126,49 @@ class Calibrate(Section):
     worlds: Count
 
 
-class Cais(Section):
-    """Which actions CAIS pays: `move` pays MOVE alone, `taken` whichever action was taken."""
+class Effects(Section):
+    """How large a joint's effect is under the resting policy, in the published world and in `alternatives` to it.
+
+    `steps` are of each world, the first 20 dropped. An alternative has values of `world` by dotted key; `changed`
+    checks them.
+    """
+
+    steps: Annotated[int, Field(gt=20)]
+    worlds: Count
+    alternatives: dict[str, Annotated[dict[str, Any], Field(min_length=1)]]
+
+    @model_validator(mode="after")
+    def _known(self) -> "Effects":
+        faults = _bad_names("alternatives", self.alternatives)
+        if "published" in self.alternatives:
+            faults.append("alternatives has 'published', which is the world of params.yaml itself")
+        faults += [
+            f"alternatives.{name} has {key!r}, but an alternative may change only world"
+            for name, values in self.alternatives.items()
+            for key in values
+            if not key.startswith("world.")
+        ]
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class Pays(Section):
+    """Which actions a reward pays: `move` pays MOVE alone, `taken` whichever action was taken."""
 
     pays: Literal["move", "taken"]
 
 
 class Rewards(Section):
-    """The gain that all rewards share, and a section for each reward that has constants of its own."""
+    """Gain and scale, which all rewards share, and a section for each reward that has constants of its own.
+
+    `scale`: `resting` divides by the SD under the resting policy, `running` standardises by mean and SD so far.
+    """
 
     gain: Positive
-    cais: Cais
+    scale: Literal["resting", "running"]
+    cais: Pays
+    surprise: Pays
 
 
 class Sweep(Section):
@@ -152,12 +186,53 @@ class Sweep(Section):
             for name, given in (("conditions", self.conditions), ("rewards", self.rewards))
             if len(set(given)) < len(given)
         ]
-        for reward in self.rewards:
-            parts = reward.split("_")
-            faults += [f"rewards has {reward!r}, but {_unknown(part, list(REWARDS))}" for part in parts
-                       if part not in REWARDS]  # fmt: skip
-            if len(set(parts)) < len(parts):
-                faults.append(f"rewards has {reward!r}, which adds one reward twice")
+        faults += _bad_rewards("rewards", self.rewards)
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class Variant(Section):
+    """The published params with some values changed, and the few cells that show what it does.
+
+    `set` has a value, or a list, by dotted key; `varied` checks them. `cells` has rewards' names by condition.
+    """
+
+    asks: Annotated[str, Field(min_length=1)]
+    set: Annotated[dict[str, Any], Field(min_length=1)]
+    cells: Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
+
+    @property
+    def pairs(self) -> tuple[tuple[Condition, str], ...]:
+        """Condition and reward of each cell."""
+        return tuple((condition, reward) for condition, rewards in self.cells.items() for reward in rewards)
+
+    @model_validator(mode="after")
+    def _known(self) -> "Variant":
+        fixed = [
+            key
+            for key in self.set
+            if key.split(".")[0] in Params.model_fields and not any(f"{key}.".startswith(f"{v}.") for v in VARIED)
+        ]
+        faults = [f"set has {key!r}, but a variant may change only {', '.join(VARIED)}" for key in fixed]
+        for condition, rewards in self.cells.items():
+            faults += _bad_rewards(f"cells.{condition}", rewards)
+            if len(set(rewards)) < len(rewards):
+                faults.append(f"cells.{condition} names one entry twice")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class Sweeps(Section):
+    """Variants of the published params, each in `seeds` seeds: which constant decides what is found?"""
+
+    seeds: Count
+    variants: Annotated[dict[str, Variant], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _named(self) -> "Sweeps":
+        faults = _bad_names("variants", self.variants)
         if faults:
             raise ValueError("; ".join(faults))
         return self
@@ -175,8 +250,10 @@ class Params(Section):
     agent: Agent
     outcomes: Outcomes
     calibrate: Calibrate
+    effects: Effects
     rewards: Rewards
     sweep: Sweep
+    sweeps: Sweeps
 
     @model_validator(mode="after")
     def _across(self) -> "Params":
@@ -201,9 +278,43 @@ def load(path: str | Path = "params.yaml") -> Params:
     except yaml.YAMLError as error:
         raise ParamsError(f"{path} is not valid YAML: {error}") from None
     try:
-        return Params.model_validate(raw)
+        params = Params.model_validate(raw)
     except ValidationError as error:
         raise ParamsError("\n".join(f"{path}: {_sentence(dict(fault))}" for fault in error.errors())) from None
+    changes = {f"sweeps.variants.{name}.set": variant.set for name, variant in params.sweeps.variants.items()}
+    changes |= {f"effects.alternatives.{name}": values for name, values in params.effects.alternatives.items()}
+    faults = []
+    for where, values in changes.items():
+        try:
+            changed(params, values)
+        except ParamsError as error:
+            faults += [f"{path}: {where}: {sentence}" for sentence in str(error).splitlines()]
+    if faults:
+        raise ParamsError("\n".join(faults))
+    return params
+
+
+def varied(params: Params, name: str) -> Params:
+    """`params` with the values that the variant `name` sets; see `changed`."""
+    return changed(params, params.sweeps.variants[name].set)
+
+
+def changed(params: Params, values: Mapping[str, object]) -> Params:
+    """`params` with other values at some dotted keys, checked like those of params.yaml.
+
+    Raises:
+        ParamsError: a key is unknown or a value does not hold; all faults at once, a sentence each.
+    """
+    whole = params.model_dump()
+    for key, value in values.items():
+        *sections, last = key.split(".")
+        part = whole
+        for section in sections:
+            part = part.setdefault(section, {})
+            if not isinstance(part, dict):
+                raise ParamsError(f"{key} is not a known key; {section} is a value, not a section.")
+        part[last] = value
+    return checked(params, whole)
 
 
 def checked(section: S, changes: Mapping[str, object]) -> S:
@@ -221,7 +332,7 @@ def checked(section: S, changes: Mapping[str, object]) -> S:
 def _sentence(fault: dict[str, object]) -> str:
     location = fault["loc"]
     assert isinstance(location, tuple)
-    key = ".".join(str(part) for part in location) or "the file"
+    key = ".".join(str(part) for part in location if part != "[key]") or "the file"
     if fault["type"] == "extra_forbidden":
         return f"{key} is not a known key; {_nearest(str(location[-1]), _keys(location[:-1]))}."
     if fault["type"] == "missing":
@@ -242,12 +353,26 @@ def _given(value: object) -> str:
 
 
 def _keys(location: tuple[object, ...]) -> list[str]:
-    model: type[BaseModel] = Params
+    kind: Any = Params
     for part in location:
-        annotation = model.model_fields[str(part)].annotation
-        assert isinstance(annotation, type) and issubclass(annotation, BaseModel)
-        model = annotation
-    return list(model.model_fields)
+        kind = get_args(kind)[1] if get_origin(kind) is dict else kind.model_fields[str(part)].annotation
+    return list(kind.model_fields)
+
+
+def _bad_names(where: str, names: Iterable[str]) -> list[str]:
+    bad = ", ".join(repr(name) for name in names if not re.fullmatch("[a-z0-9_]+", name))
+    return [f"{where} has {bad}: use small letters, digits and '_' alone"] if bad else []
+
+
+def _bad_rewards(where: str, given: list[str]) -> list[str]:
+    faults = []
+    for reward in given:
+        parts = reward.split("_")
+        faults += [f"{where} has {reward!r}, but {_unknown(part, list(REWARDS))}" for part in parts
+                   if part not in REWARDS]  # fmt: skip
+        if len(set(parts)) < len(parts):
+            faults.append(f"{where} has {reward!r}, which adds one reward twice")
+    return faults
 
 
 def _unknown(name: str, known: list[str]) -> str:

@@ -13,8 +13,8 @@ def measure(
 ) -> dict[str, float]:
     """Held-out losses, and a linear probe's R² for the mobile's position.
 
-    The probe is one least-squares fit of centre of mass on h over the training frames of all regimes; R² is that of
-    held-out frames, by condition and axis, both with and without the rope.
+    The probe is one least-squares fit of centre of mass on h over the training frames of all regimes, both of each
+    pair; R² is that of held-out frames, by condition and axis, with and without the rope together.
 
     Args:
         p: all of params.yaml.
@@ -28,20 +28,20 @@ def measure(
         intensity), cltt (nat).
     """
     extract = encoder.Extractor(p.encoder, trained)
-    images, centres = frames[:, :, :, 0], centres_of_mass[:, :, :, 0]
-    latent = extract(images.reshape(-1, *images.shape[3:])).numpy().reshape(*images.shape[:3], -1)
-    seen = np.concatenate([latent, np.ones((*latent.shape[:3], 1))], axis=3)
-    fit = np.linalg.lstsq(seen[:, :, :cut].reshape(-1, seen.shape[3]), centres[:, :, :cut].reshape(-1, 3))[0]
+    latent = extract(frames.reshape(-1, *frames.shape[4:])).numpy().reshape(*frames.shape[:4], -1)
+    seen = np.concatenate([latent, np.ones((*latent.shape[:4], 1))], axis=4)
+    columns = seen.shape[4]
+    fit = np.linalg.lstsq(seen[:, :, :cut].reshape(-1, columns), centres_of_mass[:, :, :cut].reshape(-1, 3))[0]
     measures = {}
     for condition in streams.CONDITIONS:
         chosen = [i for i, (name, _) in enumerate(collect.REGIMES) if name == condition]
-        true = centres[chosen][:, :, cut:].reshape(-1, 3)
-        error = true - seen[chosen][:, :, cut:].reshape(-1, seen.shape[3]) @ fit
+        true = centres_of_mass[chosen][:, :, cut:].reshape(-1, 3)
+        error = true - seen[chosen][:, :, cut:].reshape(-1, columns) @ fit
         for axis, letter in enumerate("xyz"):
             spread = np.square(true[:, axis] - true[:, axis].mean()).sum()
             measures[f"r2_{condition}_{letter}"] = float(1 - np.square(error[:, axis]).sum() / spread)
     for (condition, rope), h in zip(collect.REGIMES, latent, strict=True):
-        measures[f"latent_sd_{condition}_{'attached' if rope else 'detached'}"] = float(h.std(axis=(0, 1)).mean())
+        measures[f"latent_sd_{condition}_{'attached' if rope else 'detached'}"] = float(h.std(axis=(0, 1, 2)).mean())
     pairs = frames[:, :, cut:]
     pairs = pairs.reshape(-1, *pairs.shape[3:])
     with torch.inference_mode():

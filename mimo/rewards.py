@@ -110,7 +110,10 @@ class CAIS(Reward):
 
 
 class Surprise(Reward):
-    """Violation of the expectation (paper §3.5): ||h - E[h|a]|| for the action of each joint, in units of h."""
+    """Violation of the expectation (paper §3.5): ||h - E[h|a]|| for the action of each joint, in units of h.
+
+    `rewards.surprise.pays` says which actions are paid: `taken` pays whichever was taken, `move` a joint that moved.
+    """
 
     name = "surprise"
     needs_outcomes = True
@@ -118,7 +121,8 @@ class Surprise(Reward):
     def __call__(self, t: Transition) -> Tensor:
         """See Reward."""
         assert t.expectation is not None, "Surprise needs the expected outcome of actions"
-        return _length(t.latent.unsqueeze(-2) - t.expectation)
+        error = _length(t.latent.unsqueeze(-2) - t.expectation)
+        return error.where(t.action, error.new_zeros(())) if self.settings.surprise.pays == "move" else error
 
 
 def parts(name: str, settings: params.Rewards) -> list[Reward]:

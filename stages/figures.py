@@ -1,4 +1,4 @@
-"""`python -m stages.figures`: reports/figures/*.svg and *.png, from data/results.h5 and data/encoder.h5 alone."""
+"""`python -m stages.figures`: reports/figures/*.svg and *.png, from the results, the encoder and its frames."""
 
 import io
 import re
@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
@@ -16,11 +17,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from mimo import analysis, artifact, params
-from mimo.protocol import PHASES
+from mimo import analysis, artifact, collect, encoder, params
 from stages import console, paths, store
+from stages.results import phases_of
 
-ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
 STYLE: Any = {
     "svg.hashsalt": "mimo",  # the same element ids each time
     "font.family": "DejaVu Sans",  # comes with matplotlib
@@ -73,21 +73,36 @@ PAPER = {"fig3": ("free", "Free mobile"), "fig4": ("noisy", "Noisy mobile")}
 
 def main() -> None:
     """Draw every figure."""
-    params.load()
-    for name, figure in drawn(artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, ENCODER)):
+    p = params.load()
+    results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, encoder.SCHEMA)
+    frames = artifact.read(paths.FRAMES, store.FRAME)["frames"]
+    for name, figure in drawn(p, results, held, frames):
         for kind, data in figure.items():
             artifact.publish(data, paths.FIGURES / f"{name}.{kind}")
 
 
-def drawn(results: artifact.Artifact, encoder: artifact.Artifact) -> list[tuple[str, dict[str, bytes]]]:
-    """Every figure's name and its files' bytes by kind, svg and png; a condition without runs has no figure."""
+def drawn(
+    p: params.Params, results: artifact.Artifact, held: artifact.Artifact, frames: np.ndarray
+) -> list[tuple[str, dict[str, bytes]]]:
+    """Every figure's name and its files' bytes by kind, svg and png; a condition without runs has no figure.
+
+    Args:
+        p: for the encoder's shape, and which frames it was not trained on.
+        results: the curves.
+        held: the encoder.
+        frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.collect gives them.
+    """
     conditions = _conditions(results)
     todo: list[tuple[str, Callable[[], Figure]]] = [
         (name, partial(_paper_figure, results, condition, title))
         for name, (condition, title) in PAPER.items()
         if condition in conditions
     ]
-    todo += [("p_move", partial(_multiples, results, "move_probability")), ("encoder", partial(_encoder, encoder))]
+    todo += [
+        ("p_move", partial(_multiples, results, "move_probability")),
+        ("encoder", partial(_encoder, held)),
+        ("reconstructions", partial(_reconstructions, p, held, frames)),
+    ]
     if any("/influence/" in name for name in results.datasets):
         todo.append(("influence", partial(_multiples, results, "influence")))
     with mpl.rc_context():
@@ -107,11 +122,6 @@ def _files(figure: Figure) -> dict[str, bytes]:
     # A hundredth of a point is finer than any screen, and a file smaller by a quarter.
     files["svg"] = re.sub(rb' d="[^"]+"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path[0]), files["svg"])
     return files
-
-
-def _phases(results: artifact.Artifact) -> dict[str, slice]:
-    lengths = [int(results.about[f"{name}_steps"]) for name in PHASES]
-    return analysis.phases(*lengths)
 
 
 def _conditions(results: artifact.Artifact) -> list[str]:
@@ -140,7 +150,7 @@ def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Fig
         for ax, reward in zip(strips, rewards, strict=True):
             _strip(ax, results, (condition, reward, curve), groups)
             ax.set_title(analysis.label(reward), loc="left", pad=3)
-        _name_phases(strips[0], _phases(results))
+        _name_phases(strips[0], phases_of(results))
         strips[-1].set_xlabel("agent step")
     _legend(bottom)
     return figure
@@ -159,7 +169,7 @@ def _multiples(results: artifact.Artifact, curve: str) -> Figure:
                 ax.set_ylim(0, 1)
             ax.set_title(analysis.label(reward), loc="left", pad=3)
     for ax, condition in zip(grid[0], conditions, strict=True):
-        _name_phases(ax, _phases(results))
+        _name_phases(ax, phases_of(results))
         ax.annotate(
             f"{condition.capitalize()} mobile", (0.5, 1), (0, 27), "axes fraction", "offset points", ha="center",
             fontweight="bold",
@@ -173,7 +183,7 @@ def _multiples(results: artifact.Artifact, curve: str) -> Figure:
 
 def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], groups: Sequence[str]) -> None:
     """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border."""
-    phases = _phases(results)
+    phases = phases_of(results)
     for name, phase in phases.items():
         ax.axvspan(phase.start + 0.5, phase.stop + 0.5, color=SHADES[name], lw=0, zorder=0)
     ax.set_xlim(0.5, phases["extinction"].stop + 0.5)
@@ -204,7 +214,7 @@ def _name_phases(ax: Axes, phases: Mapping[str, slice]) -> None:
 
 
 def _legend_text(results: artifact.Artifact) -> str:
-    seeds, width = int(results.about["seeds"]), analysis.window(_phases(results))
+    seeds, width = int(results.about["seeds"]), analysis.window(phases_of(results))
     many = "n = 1 seed" if seeds == 1 else f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds"
     return many if width == 1 else f"{many}; moving average over {width} steps"
 
@@ -220,17 +230,17 @@ def _legend(figure: Figure | SubFigure) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
-def _encoder(encoder: artifact.Artifact) -> Figure:
+def _encoder(held: artifact.Artifact) -> Figure:
     """Both losses over the training, and what the held-out frames gave."""
     figure = Figure(figsize=(8, 3), layout="constrained")
     figure.suptitle("Visual encoder: loss of each training batch, and of held-out frames", fontsize=10)
     for ax, (name, title) in zip(
         figure.subplots(1, 2), (("reconstruction", "Reconstruction"), ("cltt", "CLTT")), strict=True
     ):
-        curve = encoder.datasets[f"curves/{name}"]
+        curve = held.datasets[f"curves/{name}"]
         ax.plot(np.arange(1, len(curve.values) + 1), curve.values, color="#0072B2", label="training")
-        if f"measures/{name}" in encoder.datasets:
-            ax.axhline(float(encoder[f"measures/{name}"]), color="#D55E00", ls="--", label="held out, at the end")
+        if f"measures/{name}" in held.datasets:
+            ax.axhline(float(held[f"measures/{name}"]), color="#D55E00", ls="--", label="held out, at the end")
         if name == "reconstruction":
             ax.set_yscale("log")
         ax.set_title(title, loc="left", fontweight="bold")
@@ -238,6 +248,37 @@ def _encoder(encoder: artifact.Artifact) -> Figure:
         ax.set_ylabel(f"loss ({curve.units})")
         ax.legend()
     return figure
+
+
+def _reconstructions(p: params.Params, held: artifact.Artifact, frames: np.ndarray) -> Figure:
+    """A frame of each regime that the encoder was not trained on, what it makes of it, and what it makes of h alone."""
+    torch.set_num_threads(1)  # the same sums on every machine
+    extract = encoder.Extractor(p.encoder, encoder.load(held))
+    chosen = frames[:, 0, round(frames.shape[2] * (1 - p.collect.held_out)), 0]
+    pictures = {
+        "input": chosen,
+        "reconstruction": extract.reconstruct(chosen),
+        "from h alone": _from_latent(extract.net, chosen),
+    }
+    figure = Figure(figsize=(8, 6.3), layout="constrained")
+    grid = figure.subplots(len(pictures), len(chosen), squeeze=False)
+    for row, (name, images) in zip(grid, pictures.items(), strict=True):
+        for ax, image in zip(row, images, strict=True):
+            ax.imshow(image, interpolation="none")  # kept as its own pixels in the SVG
+            ax.set(xticks=[], yticks=[])
+            ax.spines[:].set_visible(False)
+        row[0].set_ylabel(name)
+    for ax, (condition, attached) in zip(grid[0], collect.REGIMES, strict=True):
+        ax.set_title(f"{condition}, rope {'on' if attached else 'off'}")
+    return figure
+
+
+def _from_latent(net: encoder.UNet, frames: np.ndarray) -> np.ndarray:
+    """Reconstructions of (N, 128, 128, 3) frames with the skip connections set to zero."""
+    with torch.inference_mode():
+        encoded = [net.encode(encoder.images(frame)) for frame in frames]
+        decoded = torch.cat([net.decode(h, [torch.zeros_like(skip) for skip in skips]) for h, skips in encoded])
+    return decoded.mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()
 
 
 if __name__ == "__main__":

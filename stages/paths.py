@@ -8,9 +8,15 @@ SCALES = Path("data/scales.h5")
 MANIFESTS = Path("data/manifests")
 RUNS = Path("data/runs")
 RESULTS = Path("data/results.h5")
+VARIANT_MANIFESTS = Path("data/variant-manifests")
+VARIANTS = Path("data/variants")
+VARIANT_RESULTS = Path("data/variants.h5")
 
 METRICS = Path("reports/metrics.json")
 ENCODER_METRICS = Path("reports/encoder.json")
+EFFECTS = Path("reports/effects.json")
+CLAIMS = Path("reports/claims.json")
+VARIANT_CLAIMS = Path("reports/variants.json")
 PLOTS = Path("reports/plots")
 FIGURES = Path("reports/figures")
 REPORT = Path("reports/index.html")
@@ -24,6 +30,12 @@ def manifest(condition: str, reward: str) -> Path:
     return MANIFESTS / f"{condition}-{reward}.json"
 
 
-def run(condition: str, reward: str, seed: int) -> Path:
-    """A published run."""
-    return RUNS / condition / reward / f"seed-{seed:03d}.h5"
+def variant_manifest(variant: str) -> Path:
+    """The list of a variant's runs."""
+    return VARIANT_MANIFESTS / f"{variant}.json"
+
+
+def run(condition: str, reward: str, seed: int, variant: str = "") -> Path:
+    """A published run, the paper's own or a variant's."""
+    top = VARIANTS / variant if variant else RUNS
+    return top / condition / reward / f"seed-{seed:03d}.h5"

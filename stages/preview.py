@@ -21,6 +21,7 @@ MARK = ".preview"  # lies in every folder made here; no other folder is ever wri
 RESULTS = ("data", "reports", "dvc.lock")  # never copied: the preview makes its own
 KEPT = {*RESULTS, ".work", ".dvc", MARK, "params.yaml"}  # stays between calls, so that a second preview is quick
 NO_GIT = {".git", ".venv", *RESULTS, ".work", ".dvc"}  # what to leave out where git cannot say
+REPLACED = {("effects", "alternatives"), ("sweeps", "variants")}  # sections of names that the overrides choose
 DVC_CONFIG = "[core]\n    no_scm = true\n    analytics = false\n    check_update = false\n"
 
 
@@ -107,7 +108,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _merge(whole: dict[str, Any], overrides: Any, above: tuple[str, ...]) -> dict[str, Any]:
-    """Lay `overrides` over `whole`, section by section; a key that `whole` has not is refused."""
+    """Lay `overrides` over `whole`, section by section but for REPLACED; a key that `whole` has not is refused."""
     here = ".".join(above) or "the file"
     if not isinstance(overrides, dict):
         raise PreviewError(f"{OVERRIDES}: {here} must be a section of keys and values, as in params.yaml.")
@@ -116,7 +117,8 @@ def _merge(whole: dict[str, Any], overrides: Any, above: tuple[str, ...]) -> dic
         path = (*above, str(key))
         if key not in whole:
             raise PreviewError(f"{OVERRIDES}: {'.'.join(path)} is not in params.yaml; rename or remove it.")
-        merged[key] = _merge(whole[key], value, path) if isinstance(whole[key], dict) else value
+        deeper = isinstance(whole[key], dict) and path not in REPLACED
+        merged[key] = _merge(whole[key], value, path) if deeper else value
     return merged
 
 

@@ -1,6 +1,6 @@
 """`python -m stages.report`: reports/index.html, one page that holds all it shows.
 
-From reports/metrics.json, reports/figures/ and params.yaml with its comments.
+From reports/metrics.json, claims.json, variants.json, effects.json and figures/, and params.yaml with its comments.
 """
 
 import base64
@@ -15,11 +15,11 @@ import jinja2
 import yaml
 
 from mimo import analysis, artifact, params
-from stages import console, paths
+from stages import console, paths, verdicts
+from stages.numbers import number
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PARAMS = Path("params.yaml")
-MISSING = "–"
 WINDOWS = {
     "baseline": "Baseline",
     "acquisition_early": "Early acquisition",
@@ -32,8 +32,8 @@ _PANELS = (
     "attached limb against the others. D: Q value of MOVE of the rewards combined with Surprise, likewise. In A and B "
     "the reward is the mean over all twelve joints. Each reward has a strip of its own, since their sizes differ; in "
     "all, {gain:g} is one SD of a single reward under the resting policy, free mobile, rope attached. Q is shown as "
-    "learned, without the bias on MOVE that acting adds. The outcome models draw on the last transitions "
-    "(outcomes.memory), so CAIS and Surprise still know the rope for a while after it is gone."
+    "learned, without the bias on MOVE that acting adds. The outcome models behind CAIS and Surprise learn from the "
+    "last {memory} transitions; for as many steps after the rope is gone, some of these were made with it."
 )
 CAPTIONS = {  # by file name: heading, caption, where the data lie
     "fig3": ("Figure 3. Free mobile", _PANELS, "results"),
@@ -56,6 +56,15 @@ CAPTIONS = {  # by file name: heading, caption, where the data lie
     "encoder": (
         "Visual encoder",
         "Losses over the training, and at its end over frames kept from it. Not a figure of the paper.",
+        "encoder",
+    ),
+    "reconstructions": (
+        "What the latent carries",
+        "Frames that the encoder was not trained on: the first such step of the first world, in both conditions, with "
+        "and without the rope. Top: what the eye saw. Middle: its reconstruction. Bottom: the reconstruction with the "
+        "skip connections set to zero, so from h alone, all of the picture that the agent has; the decoder was not "
+        "trained to do without them. A linear probe reads the mobile's position from h in such frames with an R² of "
+        "{probe}. Not a figure of the paper.",
         "encoder",
     ),
 }
@@ -86,17 +95,30 @@ class Shown:
 def main() -> None:
     """Write the page."""
     p = params.load()
-    try:
-        metrics = json.loads(paths.METRICS.read_text())
-    except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or fault
-        raise console.StageError(f"{paths.METRICS} cannot be read ({reason}); run `dvc repro`.") from fault
-    html = page(metrics, figures(metrics, paths.FIGURES, p.rewards.gain), constants(PARAMS.read_text()))
+    metrics, claims = _read(paths.METRICS), _read(paths.CLAIMS)
+    variants, effects = _read(paths.VARIANT_CLAIMS)["variants"], _read(paths.EFFECTS)
+    html = page(metrics, claims, variants, effects, figures(metrics, paths.FIGURES, p), constants(PARAMS.read_text()))
     artifact.publish(html.encode(), paths.REPORT)
 
 
-def page(metrics: dict[str, Any], shown: list[Shown], constants: list[Constant]) -> str:
-    """The whole page as HTML."""
+def page(
+    metrics: dict[str, Any],
+    claims: dict[str, Any],
+    variants: dict[str, Any],
+    effects: dict[str, Any],
+    shown: list[Shown],
+    constants: list[Constant],
+) -> str:
+    """The whole page as HTML.
+
+    Args:
+        metrics: reports/metrics.json.
+        claims: reports/claims.json.
+        variants: those of reports/variants.json by name; without any, their section is left out.
+        effects: reports/effects.json.
+        shown: the figures.
+        constants: the lines of params.yaml.
+    """
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -105,6 +127,8 @@ def page(metrics: dict[str, Any], shown: list[Shown], constants: list[Constant])
         keep_trailing_newline=True,
     )
     environment.filters |= {"number": number, "spread": spread, "reward": analysis.label}
+    environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
+    environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip)}
     template = environment.from_string(TEMPLATE.read_text())
     rows = [
         (condition, reward, found)
@@ -112,19 +136,30 @@ def page(metrics: dict[str, Any], shown: list[Shown], constants: list[Constant])
         for reward, found in rewards.items()
     ]
     return template.render(
-        metrics=metrics, rows=rows, figures=shown, constants=constants, windows=WINDOWS, results=paths.RESULTS
+        metrics=metrics,
+        judged=claims,
+        variants=variants,
+        effects=effects,
+        compared=verdicts.compared(claims, variants),
+        rows=rows,
+        figures=shown,
+        constants=constants,
+        windows=WINDOWS,
+        results=paths.RESULTS,
+        strip_width=verdicts.WIDTH,
     )
 
 
-def figures(metrics: dict[str, Any], folder: Path, gain: float) -> list[Shown]:
+def figures(metrics: dict[str, Any], folder: Path, p: params.Params) -> list[Shown]:
     """Every figure of CAPTIONS that was drawn, in its order.
 
     Args:
         metrics: for the content hashes of the data behind.
         folder: where the SVG files lie.
-        gain: `rewards.gain` of params.yaml.
+        p: for what captions say of it.
     """
     data = {"results": (paths.RESULTS, metrics["results"]), "encoder": (paths.ENCODER, metrics["encoder"]["content"])}
+    said = {"gain": p.rewards.gain, "memory": p.outcomes.memory, "probe": _probe(metrics["encoder"])}
     shown = []
     for name, (heading, caption, source) in CAPTIONS.items():
         path = folder / f"{name}.svg"
@@ -132,7 +167,7 @@ def figures(metrics: dict[str, Any], folder: Path, gain: float) -> list[Shown]:
             continue
         picture = f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
         behind, content = data[source]
-        text = caption.format(gain=gain) + (f" {_seeds(metrics)}" if source == "results" else "")
+        text = caption.format(**said) + (f" {_seeds(metrics)}" if source == "results" else "")
         shown.append(Shown(name, heading, text, picture, str(behind), content))
     if not shown:
         raise console.StageError(f"{folder} has no figures; run `dvc repro figures`.")
@@ -140,7 +175,7 @@ def figures(metrics: dict[str, Any], folder: Path, gain: float) -> list[Shown]:
 
 
 def constants(text: str) -> list[Constant]:
-    """Every constant of params.yaml with the comment on its line.
+    """Every constant of params.yaml with the comment on its line, every variant with what it asks.
 
     Args:
         text: params.yaml.
@@ -150,20 +185,25 @@ def constants(text: str) -> list[Constant]:
     return _constants(root, text.splitlines(), ())
 
 
-def number(value: float | None, digits: int = 2) -> str:
-    """`value` with `digits` decimals, or a dash; a true minus sign, never -0."""
-    if value is None:
-        return MISSING
-    text = f"{value:.{digits}f}"
-    if float(text) == 0:
-        text = text.lstrip("-")
-    return text.replace("-", "−")
-
-
 def spread(value: dict[str, float | None], digits: int = 2) -> str:
     """Mean ± SD, or the mean alone where one seed has no SD."""
     mean = number(value["mean"], digits)
     return mean if value["sd"] is None else f"{mean} ± {number(value['sd'], digits)}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(path.read_text())
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise console.StageError(f"{path} cannot be read ({reason}); run `dvc repro`.") from fault
+    return found
+
+
+def _probe(measures: dict[str, Any]) -> str:
+    """`r2_free_x` and its like, in words."""
+    kinds = (name.split("_") for name in measures if name.startswith("r2_"))
+    return ", ".join(f"{number(measures['_'.join(kind)])} ({kind[1]}, {kind[2]})" for kind in kinds)
 
 
 def _seeds(metrics: dict[str, Any]) -> str:
@@ -176,13 +216,16 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> lis
     assert isinstance(node, yaml.MappingNode)
     for key, value in node.value:
         name = (*above, key.value)
+        if above == ("sweeps", "variants"):
+            own = {part.value: node for part, node in value.value}
+            text = ", ".join(f"{changed.value}: {_text(node)}" for changed, node in own["set"].value)
+            found.append(Constant(".".join(name), text, "ours", own["asks"].value))
+            continue
         if isinstance(value, yaml.MappingNode):
             found += _constants(value, lines, name)
             continue
-        sequence = isinstance(value, yaml.SequenceNode)
-        text = ", ".join(item.value for item in value.value) if sequence else value.value
         # A list over several lines ends where the next key begins: its comment, if any, is beside its own key.
-        end = key.end_mark if sequence and not value.flow_style else value.end_mark
+        end = key.end_mark if isinstance(value, yaml.SequenceNode) and not value.flow_style else value.end_mark
         _, mark, comment = lines[end.line][end.column :].partition("#")
         comment = comment.strip() if mark else ""
         sources = [
@@ -190,8 +233,12 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> lis
             for kind, sign in (("paper", r"\bpaper (§|fig|appendix)"), ("ours", r"\bours:"))
             if re.search(sign, comment)
         ]
-        found.append(Constant(".".join(name), text, " and ".join(sources), comment))
+        found.append(Constant(".".join(name), _text(value), " and ".join(sources), comment))
     return found
+
+
+def _text(value: yaml.Node) -> str:
+    return ", ".join(item.value for item in value.value) if isinstance(value, yaml.SequenceNode) else str(value.value)
 
 
 if __name__ == "__main__":

@@ -1,30 +1,28 @@
-"""`python -m stages.runs CONDITION REWARD`: publish a cell's runs from the store to data/runs/."""
+"""`python -m stages.runs MANIFEST`: publish the runs of a cell or of a variant from the store to data/."""
 
 import json
 import sys
+from pathlib import Path
 
 from mimo import artifact, params
 from stages import console, paths, store
 
 
 def main() -> None:
-    """Copy every run that the cell's manifest lists, verified."""
-    if len(sys.argv) != 3:
-        raise console.StageError("usage: python -m stages.runs CONDITION REWARD")
+    """Copy every run that the manifest lists, verified."""
+    if len(sys.argv) != 2:
+        raise console.StageError("usage: python -m stages.runs MANIFEST")
     params.load()
-    condition, reward = sys.argv[1:]
-    listed = json.loads(paths.manifest(condition, reward).read_text())["runs"]
-    for run in listed:
-        target = paths.run(condition, reward, run["seed"])
+    manifest = Path(sys.argv[1])
+    for run in json.loads(manifest.read_text()):
+        name = f"{run['condition']}, {run['reward']}, seed {run['seed']}"
+        remedy = f"run `dvc repro --force {'vary' if run['variant'] else 'train'}`"
+        target = paths.run(run["condition"], run["reward"], run["seed"], run["variant"])
         if not store.has(store.RUN, run["digest"], elsewhere=[target]):
-            raise console.StageError(
-                f"The run store lacks {condition}, {reward}, seed {run['seed']}; run `dvc repro --force train`."
-            )
+            raise console.StageError(f"The run store lacks {name} of {manifest}; {remedy}.")
         stored = store.place(store.RUN, run["digest"])
         if artifact.content(stored) != run["content"]:
-            raise console.StageError(
-                f"{stored} is not the run that {condition}-{reward} lists; run `dvc repro --force train`."
-            )
+            raise console.StageError(f"{stored} is not the run that {manifest} lists; {remedy}.")
         artifact.copy(stored, target)
 
 

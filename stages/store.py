@@ -10,7 +10,8 @@ from pathlib import Path
 from mimo import artifact
 from stages import paths
 
-FRAME, SCALE, RUN, RESULTS = "frame", "scale", "run", "results"  # kinds of artifact, as their schemas call them
+# Kinds of artifact, as their schemas call them.
+FRAME, SCALE, EFFECT, RUN, RESULTS, VARIANTS = "frame", "scale", "effect", "run", "results", "variants"
 
 
 def place(schema: str, digest: str) -> Path:

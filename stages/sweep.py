@@ -1,15 +1,22 @@
-"""The sweep: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code."""
+"""Sweeps: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code.
 
+A sweep is a grid of the paper's own runs, or one grid for each variant of the params.
+"""
+
+import argparse
 import fcntl
+import json
 import logging
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import ray
 
 from mimo import artifact, encoder, experiment, identity, protocol, rewards
@@ -23,12 +30,13 @@ OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
 
 @dataclass(frozen=True)
 class Run:
-    """One run and its digest."""
+    """One run and its digest; `variant` is empty for the paper's own."""
 
     condition: str
     reward: str
     seed: int
     digest: str
+    variant: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,51 +47,97 @@ class Chunk:
 
     @property
     def name(self) -> str:
-        """For people: condition, reward and seeds."""
+        """For people: variant, condition, reward and seeds."""
         first = self.runs[0]
-        return f"{first.condition}, {first.reward}, seed {', '.join(str(run.seed) for run in self.runs)}"
+        seeds = ", ".join(str(run.seed) for run in self.runs)
+        return f"{_of(first)}{first.condition}, {first.reward}, seed {seeds}"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Params, the reward scales that go with them, and which runs are wanted: `seeds` of each (condition, reward)."""
+
+    params: Params
+    scales: Mapping[str, float]
+    cells: tuple[tuple[str, str], ...]
+    seeds: int
 
 
 @dataclass(frozen=True)
 class Job:
-    """What every chunk of a sweep needs besides its runs."""
+    """All that chunks need besides their runs: the encoder's file, its `latent_sd`, a grid for each variant."""
 
-    params: Params
     encoder: bytes
-    scales: Mapping[str, float]
+    latent_sd: float
+    grids: Mapping[str, Grid]
+
+
+def is_serial(program: str) -> bool:
+    """Whether the command line says --serial."""
+    parser = argparse.ArgumentParser(prog=program)
+    parser.add_argument("--serial", action="store_true", help="in this process, without Ray; the same bytes")
+    return bool(parser.parse_args().serial)
+
+
+def scales(path: Path, digest: str | None = None) -> dict[str, float]:
+    """Each reward's scale."""
+    return {name: float(data.values) for name, data in artifact.read(path, store.SCALE, digest).datasets.items()}
+
+
+def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> encoder.Trained:
+    """The encoder, made with `latent_sd`, for `p`: h's quantiles come in units of the `latent_sd` of `p`."""
+    found = encoder.load(held)
+    return replace(found, quantiles=found.quantiles * np.float32(p.encoder.latent_sd / latent_sd))
+
+
+def complete(job: Job, size: int, serial: bool) -> list[Run]:
+    """Compute the runs that are missing, in chunks of `size`; returns all runs of the job.
+
+    Raises:
+        console.StageError: some failed; the others are kept.
+    """
+    wanted = runs(job, artifact.from_bytes(job.encoder, encoder.SCHEMA, source=paths.ENCODER).content)
+    total, todo = len({run.digest for run in wanted}), missing(wanted)
+    print(f"{total} runs, {total - len(todo)} of them in the store.", flush=True)
+    failed = compute(job, chunks(todo, size), serial) if todo else []
+    if failed:
+        raise console.StageError("\n".join([*failed, f"{len(failed)} of {total} runs failed; the others are kept."]))
+    return wanted
+
+
+def write_manifest(path: Path, listed: list[Run]) -> None:
+    """List runs, with their content hashes, for stages.runs to publish."""
+    entries = [asdict(run) | {"content": artifact.content(store.place(store.RUN, run.digest))} for run in listed]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(entries, indent=1) + "\n")
 
 
 def runs(job: Job, encoder_hash: str) -> list[Run]:
-    """All runs of the sweep, by condition, reward and seed."""
-    sweep = job.params.sweep
+    """All runs of the job, by variant, condition, reward and seed."""
     return [
         run
-        for condition in sweep.conditions
-        for reward in sweep.rewards
-        for run in runs_of(job, encoder_hash, condition, reward, range(sweep.seeds))
+        for variant, grid in job.grids.items()
+        for condition, reward in grid.cells
+        for run in runs_of(job, encoder_hash, variant, condition, reward, range(grid.seeds))
     ]
 
 
-def runs_of(job: Job, encoder_hash: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
+def runs_of(job: Job, encoder_hash: str, variant: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
     """The runs of one cell, with the digests that the code on this machine gives them."""
-    return [
-        Run(
-            condition,
-            reward,
-            seed,
-            identity.digest(experiment.inputs(job.params, condition, reward, seed, encoder_hash, job.scales)),
-        )
-        for seed in seeds
-    ]
+    grid = job.grids[variant]
+    made_from = (experiment.inputs(grid.params, condition, reward, seed, encoder_hash, grid.scales) for seed in seeds)
+    return [Run(condition, reward, read["seed"], identity.digest(read), variant) for read in made_from]
 
 
 def missing(wanted: list[Run]) -> list[Run]:
-    """The runs that neither the store nor data/runs holds; those of data/runs are taken into the store."""
-    return [
-        run
-        for run in wanted
-        if not store.has(store.RUN, run.digest, elsewhere=[paths.run(run.condition, run.reward, run.seed)])
-    ]
+    """The runs that neither the store nor data/ holds, each digest once; those of data/ are taken into the store."""
+    found = {}
+    for run in wanted:
+        cell = (run.condition, run.reward, run.seed)
+        published = [paths.run(*cell, run.variant), paths.run(*cell)]
+        if run.digest not in found and not store.has(store.RUN, run.digest, elsewhere=published):
+            found[run.digest] = run
+    return list(found.values())
 
 
 def chunks(wanted: list[Run], size: int) -> list[Chunk]:
@@ -92,9 +146,9 @@ def chunks(wanted: list[Run], size: int) -> list[Chunk]:
     Low seeds of every cell come first, so that an early look sees all cells; then those with outcome models, which
     take longest.
     """
-    cells: dict[tuple[str, str], list[Run]] = {}
+    cells: dict[tuple[str, str, str], list[Run]] = {}
     for run in wanted:
-        cells.setdefault((run.condition, run.reward), []).append(run)
+        cells.setdefault((run.variant, run.condition, run.reward), []).append(run)
     found = [Chunk(tuple(cell[i : i + size])) for cell in cells.values() for i in range(0, len(cell), size)]
     return sorted(found, key=lambda chunk: (chunk.runs[0].seed, not rewards.needs_outcomes(chunk.runs[0].reward)))
 
@@ -105,41 +159,69 @@ def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
     A chunk that fails is tried again seed by seed, so that one bad run costs no other.
 
     Args:
-        job: what all chunks share.
+        job: what the chunks need.
         todo: the chunks.
         serial: in this process, without Ray; the bytes are the same.
 
     Returns:
         A sentence for each run that failed.
     """
-    steps = protocol.steps(job.params.protocol) * sum(len(chunk.runs) for chunk in todo)
-    with _lock(), console.Progress("Runs", steps, "agent steps") as progress:
+    with _lock(), console.Progress("Runs", sum(_steps(job, chunk) for chunk in todo), "agent steps") as progress:
         return (_serial if serial else _on_ray)(job, todo, progress)
 
 
 def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
+    grid, condition, reward = job.grids[first.variant], first.condition, first.reward
     held = artifact.from_bytes(job.encoder, encoder.SCHEMA)
     seeds = [run.seed for run in chunk.runs]
-    if runs_of(job, held.content, first.condition, first.reward, seeds) != list(chunk.runs):
+    if runs_of(job, held.content, first.variant, condition, reward, seeds) != list(chunk.runs):
         raise console.StageError("the code or the libraries changed after the sweep began; run it again")
-    trained = encoder.load(held)
-    done = experiment.Experiment(job.params, first.condition, first.reward, seeds, trained, job.scales).run(report)
-    about = {"condition": first.condition, "reward": first.reward, "limb": job.params.protocol.limb}
+    sight = trained(held, job.latent_sd, grid.params)
+    done = experiment.Experiment(grid.params, condition, reward, seeds, sight, grid.scales).run(report)
+    about = {"condition": condition, "reward": reward, "limb": grid.params.protocol.limb}
     return [
         artifact.to_bytes(store.RUN, run.digest, record, about | {"seed": run.seed})
         for run, record in zip(chunk.runs, done, strict=True)
     ]
 
 
+def each(todo: Mapping[str, Callable[[], bytes]], serial: bool) -> Iterator[tuple[str, bytes]]:
+    """Each task's name and result as soon as it is done, from Ray or, one by one, from this process.
+
+    Raises:
+        console.StageError: a task failed, by its name; those in flight are dropped.
+    """
+
+    def result(name: str, get: Callable[..., Any], *given: Any) -> tuple[str, bytes]:
+        try:
+            return name, get(*given)
+        except Exception as fault:
+            raise console.StageError(f"{name}: {_logged(fault)[1]}") from fault
+
+    with _lock():
+        if serial:
+            yield from (result(name, task) for name, task in todo.items())
+            return
+        with _local_ray():
+            flying = {_call.remote(task): name for name, task in todo.items()}
+            while flying:
+                (ready,), _ = ray.wait(list(flying))
+                yield result(flying.pop(ready), ray.get, ready)
+
+
 class _Tally:
     """Counts for the progress bar."""
 
     def __init__(self, job: Job, todo: list[Chunk], progress: console.Progress) -> None:
-        self._steps = protocol.steps(job.params.protocol)
-        self._total, self._progress = sum(len(chunk.runs) for chunk in todo), progress
-        self.finished = 0
+        self._job, self._progress = job, progress
+        self._total, self._finished, self._steps = sum(len(chunk.runs) for chunk in todo), 0, 0
+
+    def finish(self, chunk: Chunk) -> None:
+        """A chunk is done."""
+        self._finished += len(chunk.runs)
+        self._steps += _steps(self._job, chunk)
 
     def show_one(self, chunk: Chunk, done: int) -> None:
         """Steps done of the only chunk in flight."""
@@ -148,8 +230,18 @@ class _Tally:
     def show(self, doing: Mapping[Chunk, int]) -> None:
         """Steps done of each chunk in flight."""
         flying = sum(len(chunk.runs) for chunk in doing)
-        steps = self.finished * self._steps + sum(len(chunk.runs) * done for chunk, done in doing.items())
-        self._progress.update(steps, f"{self.finished}/{self._total} runs done, {flying} in flight")
+        steps = self._steps + sum(len(chunk.runs) * done for chunk, done in doing.items())
+        self._progress.update(steps, f"{self._finished}/{self._total} runs done, {flying} in flight")
+
+
+def _steps(job: Job, chunk: Chunk) -> int:
+    """Agent steps of all runs of a chunk."""
+    return protocol.steps(job.grids[chunk.runs[0].variant].params.protocol) * len(chunk.runs)
+
+
+def _of(run: Run) -> str:
+    """How a run's name begins."""
+    return f"{run.variant}: " if run.variant else ""
 
 
 def _keep(chunk: Chunk, files: list[bytes]) -> None:
@@ -172,7 +264,7 @@ def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
             failed += [] if alone else [_reason(chunk, fault)]
             continue
         _keep(chunk, files)
-        tally.finished += len(chunk.runs)
+        tally.finish(chunk)
         tally.show({})
     return failed
 
@@ -204,10 +296,14 @@ def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
     return work(job, chunk, report)
 
 
+@ray.remote(num_cpus=1, max_retries=RETRIES)
+def _call(task: Callable[[], bytes]) -> bytes:
+    return task()
+
+
 def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
     tally, failed = _Tally(job, todo, progress), []
-    try:
-        _start_ray()
+    with _local_ray():
         board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
         flying: dict[Any, Chunk] = {_remote.remote(shared, chunk, board): chunk for chunk in todo}
         while flying:
@@ -222,38 +318,46 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
                     failed += [] if alone else [_reason(chunk, fault)]
                     continue
                 _keep(chunk, files)
-                tally.finished += len(chunk.runs)
+                tally.finish(chunk)
             try:
                 done = ray.get(board.get.remote(), timeout=10 * POLL_SECONDS)
             except (ray.exceptions.RayError, TimeoutError):
                 continue  # the board is lost or slow: that costs the bar a moment, not the sweep
             tally.show({chunk: done[chunk.name] for chunk in flying.values() if chunk.name in done})
-    finally:
-        ray.shutdown()
     return failed
 
 
-def _start_ray() -> None:
-    """A local Ray for this process, on loopback (see stages/__init__.py), without dashboard."""
+@contextmanager
+def _local_ray() -> Iterator[None]:
+    """A Ray for this process, on loopback (see stages/__init__.py), without dashboard; it ends with the block."""
     if os.environ.get("RAY_ADDRESS"):
         raise console.StageError("RAY_ADDRESS is set, but this version computes on one machine only; unset it.")
-    ray.init(
-        address="local",
-        include_dashboard=False,
-        log_to_driver=False,
-        logging_level=logging.ERROR,
-        object_store_memory=OBJECT_STORE,
-    )
+    try:
+        ray.init(
+            address="local",
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            object_store_memory=OBJECT_STORE,
+        )
+        yield
+    finally:
+        ray.shutdown()
 
 
 def _reason(chunk: Chunk, fault: Exception) -> str:
-    """What a worker raised, in a line that names the run; all of it goes to the log."""
+    """What a worker raised, in a line that names the run."""
+    cause, text = _logged(fault)
+    return f"{_of(chunk.runs[0])}{text}" if isinstance(cause, experiment.RunError) else f"{chunk.name}: {text}"
+
+
+def _logged(fault: Exception) -> tuple[BaseException, str]:
+    """What a worker raised and its last line; all of it goes to the log."""
     paths.LOG.parent.mkdir(exist_ok=True)
     with paths.LOG.open("a") as log:
         log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
-    text = (str(cause).strip().splitlines() or [type(cause).__name__])[-1]
-    return text if isinstance(cause, experiment.RunError) else f"{chunk.name}: {text}"
+    return cause, (str(cause).strip().splitlines() or [type(cause).__name__])[-1]
 
 
 @contextmanager

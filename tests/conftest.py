@@ -39,6 +39,7 @@ def tiny() -> Params:
         "encoder": {"widths": [2, 4, 4, 4], "pairs": 4, "iterations": 3},
         "outcomes": {"memory": 4},
         "calibrate": {"steps": 6, "worlds": 2},
+        "effects": {"steps": 50, "worlds": 2},
         "sweep": {"conditions": ["free"], "rewards": ["mtl", "cais"], "seeds": 2, "chunk": 2},
     }
     return p.model_copy(update={name: getattr(p, name).model_copy(update=own) for name, own in changes.items()})

@@ -7,7 +7,9 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[2]
-STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+STAGES = {
+    name: stage.get("do", stage) for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items()
+}
 
 
 def module_file(module: str) -> Path | None:
@@ -49,7 +51,8 @@ def test_code_dependencies_are_what_the_script_imports(name: str) -> None:
 
 @pytest.mark.parametrize("name", STAGES)
 def test_every_stage_checks_all_parameters_first(name: str) -> None:
-    source = (ROOT / f"stages/{name}.py").read_text()
+    script = STAGES[name]["cmd"].split()[2]
+    source = (ROOT / f"{script.replace('.', '/')}.py").read_text()
     main = next(node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef) and node.name == "main")
     calls = [ast.unparse(node.func) for node in ast.walk(main) if isinstance(node, ast.Call)]
     assert "params.load" in calls
@@ -57,5 +60,5 @@ def test_every_stage_checks_all_parameters_first(name: str) -> None:
 
 def test_no_dependency_or_output_lies_in_the_work_folder() -> None:
     for stage in STAGES.values():
-        for entry in [*stage["deps"], *stage["outs"], *stage.get("metrics", [])]:
+        for entry in [*stage["deps"], *stage.get("outs", []), *stage.get("metrics", [])]:
             assert not str(entry if isinstance(entry, str) else next(iter(entry))).startswith(".work")

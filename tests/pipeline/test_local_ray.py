@@ -14,12 +14,11 @@ import psutil
 from stages import sweep
 import ray
 
-sweep._start_ray()
-assert ray.get(ray.remote(lambda: 1).remote()) == 1
-own = psutil.Process()
-pids = {process.pid for process in [own, *own.children(recursive=True)]}
-listening = [c.laddr.ip for c in psutil.net_connections("inet") if c.status == "LISTEN" and c.pid in pids]
-ray.shutdown()
+with sweep._local_ray():
+    assert ray.get(ray.remote(lambda: 1).remote()) == 1
+    own = psutil.Process()
+    pids = {process.pid for process in [own, *own.children(recursive=True)]}
+    listening = [c.laddr.ip for c in psutil.net_connections("inet") if c.status == "LISTEN" and c.pid in pids]
 print(json.dumps(listening))
 """
 

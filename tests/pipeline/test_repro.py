@@ -17,7 +17,13 @@ from stages import preview
 
 ROOT = Path(__file__).parents[2]
 CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
-ENDS = {"analyse", "figures", "report"}
+ENDS = {"analyse", "claims", "figures", "report"}
+GAIN = yaml.safe_load((ROOT / "params.yaml").read_text())["rewards"]["gain"]
+VARIANTS = {  # the first changes nothing, the second no scale, the third scales too
+    "same": {"asks": "?", "set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
+    "greedy": {"asks": "?", "set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
+    "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
+}
 
 
 def edit(project: Path, *changes: tuple[str, Any]) -> None:
@@ -71,6 +77,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         ("encoder.iterations", 4),
         ("calibrate.steps", 6),
         ("collect.steps", 6),
+        ("sweeps.variants", VARIANTS),
     )
     code, output = repro(project)
     assert code == 0, output
@@ -85,14 +92,29 @@ def project(first: tuple[Path, str], tmp_path: Path) -> Path:
 
 def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(first: tuple[Path, str]) -> None:
     project, output = first
-    assert ran(output) == {"collect", "encoder", "calibrate", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS}
+    assert ran(output) == {
+        "collect", "encoder", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
+        "vary", *(f"variants@{name}" for name in VARIANTS), "compare",
+    }  # fmt: skip
     assert "agent steps" in output
     for condition in ("free", "noisy"):
         for reward in ("mtl", "cais"):
             with h5py.File(project / f"data/runs/{condition}/{reward}/seed-000.h5") as run:
                 assert run["move_probability"].shape == (11, 12)
                 assert run.attrs["about.condition"] == condition.encode()
-    for name in ("index.html", "metrics.json", "figures/fig3.png", "figures/fig3.svg", "figures/fig4.png"):
+    with h5py.File(project / "data/variants.h5") as curves:
+        assert {name: list(curves[name]) for name in curves if name != "windows"} == {
+            "same": ["free"], "greedy": ["free"], "heavy": ["noisy"],
+        }  # fmt: skip
+        assert curves["heavy/noisy/mtl/move_probability/attached"].shape == (1, 11)
+    for name in (
+        "index.html",
+        "metrics.json",
+        "effects.json",
+        "figures/fig3.png",
+        "figures/fig3.svg",
+        "figures/fig4.png",
+    ):
         assert (project / "reports" / name).stat().st_size > 1000, name
 
 
@@ -108,8 +130,10 @@ def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_th
     edit(project, ("rewards.cais.pays", "taken"))
     code, output = repro(project)
     assert code == 0, output
-    assert ran(output) == {"calibrate", "train", "runs@free-cais", "runs@noisy-cais", *ENDS}
-    assert len(stored(project) - before) == 2
+    assert ran(output) == {
+        "calibrate", "train", "runs@free-cais", "runs@noisy-cais", *ENDS, "vary", "variants@greedy", "compare"
+    }  # fmt: skip
+    assert len(stored(project) - before) == 3
     after = digests(project, "data/runs")
     changed = {name for name in after if after[name] != runs[name]}
     assert changed == {f"data/runs/{condition}/cais/seed-000.h5" for condition in ("free", "noisy")}
@@ -117,7 +141,7 @@ def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_th
     code, output = repro(project)
     assert code == 0, output
     assert "is cached - skipping run" in output
-    assert len(stored(project) - before) == 2
+    assert len(stored(project) - before) == 3
     assert digests(project, "data/runs", "reports") == runs
 
 
@@ -150,7 +174,8 @@ def test_a_comment_in_the_learner_computes_nothing(project: Path) -> None:
     code, output = repro(project)
     assert code == 0, output
     assert "4 runs, 4 of them in the store." in output
-    assert ran(output) == {"calibrate", "train"}
+    assert "3 runs, 3 of them in the store." in output
+    assert ran(output) == {"calibrate", "effects", "train", "vary"}
     assert digests(project, "data", "reports") == before
 
 
@@ -178,6 +203,48 @@ class Stillness(Reward):
     after = digests(project, "data/runs")
     assert {name: after[name] for name in runs} == runs
     assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
+
+
+def test_a_variant_that_changes_nothing_is_the_published_run(first: tuple[Path, str]) -> None:
+    project, _ = first
+    runs = digests(project, "data/runs", "data/variants")
+    assert runs["data/variants/same/free/mtl/seed-000.h5"] == runs["data/runs/free/mtl/seed-000.h5"]
+    assert len(stored(project)) == len(set(runs.values())) == 6
+    assert len(list((project / ".work/scales").glob("*.h5"))) == 2
+
+
+def test_only_the_runs_of_a_variant_that_changes_are_computed(project: Path) -> None:
+    before, runs = stored(project), digests(project, "data/runs", "data/variants")
+    changed = {
+        "same": VARIANTS["same"] | {"cells": {"free": ["mtl"], "noisy": ["cais"]}},  # one more published cell
+        "greedy": VARIANTS["greedy"] | {"set": {"rewards.gain": 8 * GAIN}},
+    }
+    edit(project, ("sweeps.variants", changed))
+    code, output = repro(project)
+    assert code == 0, output
+    assert ran(output) == {"vary", "variants@same", "variants@greedy", "compare", "claims", "report"}
+    assert "3 runs, 2 of them in the store." in output
+    assert len(stored(project) - before) == 1
+    after = digests(project, "data/runs", "data/variants")
+    gone, new, one = (
+        f"data/variants/{name}/seed-000.h5" for name in ("heavy/noisy/mtl", "same/noisy/cais", "greedy/free/cais")
+    )
+    assert after.keys() == (runs.keys() - {gone}) | {new}
+    assert {name for name in after if after[name] != runs.get(name)} == {new, one}
+
+
+def test_variants_without_ray_are_the_same_bytes(project: Path) -> None:
+    """What is published of the paper's own is taken in; the rest is computed again."""
+    before = digests(project, ".work/runs", ".work/scales")
+    for folder in (".work/runs", ".work/scales", "data/variants"):
+        shutil.rmtree(project / folder)
+    command = [sys.executable, "-m", "stages.vary", "--serial"]
+    done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "3 runs, 1 of them in the store." in done.stdout
+    after = digests(project, ".work/runs", ".work/scales")
+    assert len(after) == 5
+    assert after.items() <= before.items()
 
 
 @pytest.mark.parametrize(

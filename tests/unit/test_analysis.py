@@ -21,15 +21,16 @@ def record(steps: int = 4) -> dict[str, np.ndarray]:
         "move_probability": (joints / 1000).astype(np.float32),
         "path_length": np.arange(steps, dtype=np.float32),
         "latent_length": np.arange(steps, dtype=np.float32) * 7,
+        "centre_of_mass": np.outer(np.arange(steps, dtype=np.float32) ** 2, [3, 4, 0]).astype(np.float32),
     }
 
 
 def test_the_constants_shared_with_modules_that_load_torch_agree():
     from mimo import agent, encoder
-    from stages import analyse, figures
+    from stages import analyse
 
     assert agent.MOVE == analysis.MOVE
-    assert analyse.ENCODER == figures.ENCODER == encoder.SCHEMA
+    assert analyse.ENCODER == encoder.SCHEMA
 
 
 def test_curves_are_means_over_the_attached_limbs_joints_and_the_other_nine():
@@ -48,6 +49,7 @@ def test_curves_are_means_over_the_attached_limbs_joints_and_the_other_nine():
     assert np.array_equal(made["limb/left_foot"], made["move_probability/attached"])
     assert made["path_length"].tolist() == [0, 1, 2, 3]
     assert made["latent_length"].tolist() == [0, 7, 14, 21]
+    assert made["displacement"].tolist() == [0, 5, 15, 25]
     assert all(curve.shape == (4,) and curve.dtype == np.float32 for curve in made.values())
 
 

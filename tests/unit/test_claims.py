@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,9 +21,15 @@ def by_phase(baseline: float, attached: float, extinction: float, seeds: int = 2
     return np.tile(np.repeat([baseline, attached, extinction], [500, 1500, 500]), (seeds, 1)).astype(np.float32)
 
 
-def measured(measure: claims.Measure, **curves: np.ndarray) -> list[float]:
+def measured(measure: claims.Measure, **curves: np.ndarray) -> list[Any]:
     named = {name.replace("__", "/"): values for name, values in curves.items()}
     return [pytest.approx(value) for value in measure({CELL: named}, WINDOWS)]
+
+
+def bounds(effects: np.ndarray) -> tuple[float, float]:
+    found = claims.interval(effects)
+    assert found is not None
+    return found
 
 
 def test_interquartile_mean_cuts_a_quarter_at_either_end():
@@ -32,7 +39,7 @@ def test_interquartile_mean_cuts_a_quarter_at_either_end():
 
 def test_interval_holds_the_centre_and_is_the_same_every_time():
     effects = np.random.default_rng(1).normal(1, 0.5, 10)
-    low, high = claims.interval(effects)
+    low, high = bounds(effects)
     assert low < claims.interquartile_mean(effects) < high
     assert claims.interval(effects) == (low, high)
     assert claims.interval(effects + 1) == pytest.approx((low + 1, high + 1))
@@ -40,7 +47,7 @@ def test_interval_holds_the_centre_and_is_the_same_every_time():
 
 def test_interval_covers_the_truth_about_as_often_as_it_says():
     draws = np.random.default_rng(2).normal(0, 1, (150, 10))
-    covered = np.mean([low <= 0 <= high for low, high in map(claims.interval, draws)])
+    covered = np.mean([low <= 0 <= high for low, high in map(bounds, draws)])
     assert 0.85 < covered < 0.99
 
 
@@ -92,6 +99,7 @@ def test_excess_and_throughout_read_the_influence():
     curves = {"influence__attached": limb, "influence__others": others}
     assert measured(claims.excess(CELL, "acquisition_late"), **curves) == [0.5, 0.5]
     assert measured(claims.throughout(CELL), **curves) == [0.8, 0.8]
+    assert measured(claims.throughout(CELL, skipped=2), **curves) == [12 / 13, 12 / 13]
 
 
 def test_correlation_is_of_ranks_in_the_attached_phase():
@@ -146,6 +154,7 @@ def world(learns: bool) -> claims.Curves:
                 "influence/others": noisy(by_phase(1, 1, 1, seeds), 0.01),
                 "path_length": steps,
                 "latent_length": steps if learns else -steps,
+                "displacement": -steps,
             }
     return found
 
@@ -164,6 +173,13 @@ def test_a_test_says_all_that_backs_its_verdict():
     assert (test["n"], len(test["seeds"]), test["region"]) == (6, 6, [claims.MEDIUM, None])
     assert test["interval"][0] <= test["effect"] <= test["interval"][1]
     assert test["cells"] == ["free/mtl"]
+
+
+def test_what_was_looked_at_afterwards_has_no_part_in_the_verdict():
+    judged = claims.evaluate(world(learns=True), WINDOWS, claims.CLAIMS)
+    found = next(claim for claim in judged if claim["name"].startswith("1b"))
+    assert {test["verdict"] for test in found["afterwards"]} == {claims.FAILS}
+    assert found["verdict"] == claims.HOLDS
 
 
 def test_missing_cells_leave_claims_out_or_open():

@@ -15,7 +15,7 @@ import torch
 from mimo import artifact, identity, params, rewards, scene, streams
 from mimo.agent import MOVE, Agents
 from mimo.encoder import Extractor, Trained
-from mimo.experiment import Experiment, Record, RunError, initial_quantiles, inputs
+from mimo.experiment import Experiment, Record, RunError, Running, initial_quantiles, inputs
 from mimo.eye import Eye
 from mimo.outcomes import Outcomes
 from mimo.params import Params
@@ -45,6 +45,8 @@ for reward in ("mtl", "cais_surprise"):
     print(hashlib.sha256(artifact.to_bytes("run", "d" * 64, record)).hexdigest())
 """
 
+RUNNING = params.checked(P.rewards, {"scale": "running"})
+
 Runs = Callable[..., list[dict[str, np.ndarray]]]
 
 
@@ -63,6 +65,18 @@ def records(tiny: Params, trained: Trained, scales: dict[str, float]) -> Callabl
     @cache
     def run(condition: str, reward: str, *seeds: int) -> list[Record]:
         return Experiment(tiny, condition, reward, seeds, trained, scales).run()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def running(tiny: Params, trained: Trained) -> Callable[..., list[Record]]:
+    """Likewise with running scales, so that no scale is given."""
+    changed = tiny.model_copy(update={"rewards": RUNNING})
+
+    @cache
+    def run(condition: str, reward: str, *seeds: int) -> list[Record]:
+        return Experiment(changed, condition, reward, seeds, trained, {}).run()
 
     return run
 
@@ -131,7 +145,9 @@ def test_a_free_mobile_moves_only_when_pulled(runs: Runs) -> None:
 
 
 @pytest.mark.parametrize("reward", ["mtl", "cais_surprise"])
-def test_the_same_bytes_in_any_company(reward: str, records: Callable[..., list[Record]]) -> None:
+@pytest.mark.parametrize("made", ["records", "running"])
+def test_the_same_bytes_in_any_company(made: str, reward: str, request: pytest.FixtureRequest) -> None:
+    records: Callable[..., list[Record]] = request.getfixturevalue(made)
     three = [file(record) for record in records("noisy", reward, 0, 1, 2)]
     assert len(set(three)) == 3
     assert [file(record) for record in records("noisy", reward, 2, 0, 1)] == [three[2], three[0], three[1]]
@@ -201,6 +217,46 @@ def test_the_reward_is_gain_over_scale_of_its_parts(
         total = sum(0.3 / scales[part] * record[f"part/{part}"].astype(float) for part in reward.split("_"))
         assert tiny.rewards.gain == 0.3
         assert record["reward"] == pytest.approx(total, rel=1e-6)
+        assert record["reward"].std() > 0
+
+
+def test_running_against_all_so_far() -> None:
+    values = np.random.default_rng(0).exponential(size=(5, 3, 12)) * [[[1e-3], [1], [1e3]]] + 7  # step, seed, joint
+    values[:2, 2] = 0.1  # equal until the third step
+    taken, shown = Running(3), values.astype(np.float32)
+    for step in range(5):
+        given = taken(torch.from_numpy(shown[step]))
+        assert given.dtype == torch.float32
+        for seed in range(3):
+            so_far = shown[: step + 1, seed].astype(float)
+            wanted = (so_far[-1] - so_far.mean()) / so_far.std() if seed < 2 or step > 1 else np.zeros(12)
+            assert given[seed].numpy() == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+
+
+def test_running_by_hand() -> None:
+    taken, row = Running(1), torch.ones(1, 12)
+    assert taken(0 * row).tolist() == [[0.0] * 12]
+    assert taken(2 * row).tolist() == [[1.0] * 12]  # mean 1, SD 1
+    assert taken(4 * row)[0].numpy() == pytest.approx(np.full(12, 1.5**0.5))  # mean 2, variance (4 + 0 + 4) / 3
+    assert taken(float("nan") * row).isnan().all()  # not hidden
+
+
+@pytest.mark.parametrize("value", [0.0, 0.1, 1e-20, 3e7])
+def test_running_gives_nothing_for_a_constant(value: float) -> None:
+    taken = Running(2)
+    for _ in range(100):
+        assert not taken(torch.full((2, 1), value).expand(2, 12)).any()
+
+
+@pytest.mark.parametrize("reward", ALL)
+def test_with_running_scales_the_reward_is_gain_times_standardised_parts(
+    reward: str, running: Callable[..., list[Record]]
+) -> None:
+    for record in map(arrays, running("noisy", reward, 0, 1)):
+        for step in range(STEPS):
+            so_far = [record[f"part/{part}"][: step + 1].astype(float) for part in reward.split("_")]
+            total = sum(0.3 * (part[-1] - part.mean()) / (part.std() or np.inf) for part in so_far)
+            assert record["reward"][step] == pytest.approx(total, rel=1e-5, abs=1e-6)
         assert record["reward"].std() > 0
 
 
@@ -343,17 +399,23 @@ def altered(section: Any, path: Sequence[str]) -> Any:
     value = getattr(section, name)
     if rest:
         return section.model_copy(update={name: altered(value, rest)})
-    other = {"left_foot": "right_foot", "move": "taken"}.get(value) if isinstance(value, str) else None
-    return section.model_copy(update={name: other or (value[1:] if isinstance(value, list) else value + 1)})
+    other: Any
+    if isinstance(value, str):
+        other = {"left_foot": "right_foot", "move": "taken", "taken": "move", "resting": "running"}[value]
+    elif isinstance(value, list):
+        other = value[1:]
+    else:
+        other = {} if isinstance(value, dict) else value + 1
+    return section.model_copy(update={name: other})
 
 
 def read_by(condition: str, reward: str) -> set[Place]:
     """The parameters that a run reads."""
     whole = {"protocol", "world", "agent"} | ({"outcomes"} if "cais" in reward or "surprise" in reward else set())
     found = {path for path in leaves(P) if path[0] in whole}
-    found |= {("seed",), ("rewards", "gain"), ("conditions", condition, "force")}
+    found |= {("seed",), ("rewards", "gain"), ("rewards", "scale"), ("conditions", condition, "force")}
     found |= {("encoder", name) for name in ("widths", "latent", "projection", "latent_sd")}
-    return found | ({("rewards", "cais", "pays")} if "cais" in reward else set())
+    return found | {("rewards", part, "pays") for part in ("cais", "surprise") if part in reward}
 
 
 @pytest.mark.parametrize("reward", ["mtl", "cais", "rtl_surprise"])
@@ -415,6 +477,13 @@ def test_the_digest_changes_with_run_encoder_and_scale(scales: dict[str, float])
         for name, scale in scales.items():
             other = digest(P, "free", reward, scales | {name: 2 * scale})
             assert (other != base) == (name in reward.split("_"))
+
+
+def test_with_running_scales_the_digest_leaves_the_resting_ones_out(scales: dict[str, float]) -> None:
+    changed = P.model_copy(update={"rewards": RUNNING})
+    for reward in ALL:
+        assert inputs(changed, "free", reward, 0, "e", scales)["scales"] == {}
+        assert digest(changed, "free", reward, scales) == digest(changed, "free", reward, {})
 
 
 def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, float]) -> None:

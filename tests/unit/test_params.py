@@ -18,16 +18,18 @@ SHIPPED = Path(__file__).parents[2] / "params.yaml"
 WHOLE: dict[str, Any] = yaml.safe_load(SHIPPED.read_text())
 
 Keys = tuple[str, ...]
+NAMED = ("variants", "alternatives")  # sections of free names
 
 
 def walk(section: dict[str, Any], above: Keys = ()) -> Iterator[tuple[Keys, Any]]:
+    """Every key; variants and alternatives, whose names are free, have tests of their own."""
     for key, value in section.items():
         yield (*above, key), value
-        if isinstance(value, dict):
+        if isinstance(value, dict) and key not in NAMED:
             yield from walk(value, (*above, key))
 
 
-SECTIONS = [keys for keys, value in walk(WHOLE) if isinstance(value, dict)]
+SECTIONS = [keys for keys, value in walk(WHOLE) if isinstance(value, dict) and keys[-1] not in NAMED]
 NUMBERS = [keys for keys, value in walk(WHOLE) if isinstance(value, int | float)]
 FLOATS = [keys for keys, value in walk(WHOLE) if isinstance(value, float)]
 WORDS = [keys for keys, value in walk(WHOLE) if isinstance(value, str)]
@@ -64,8 +66,11 @@ def test_the_shipped_file_loads():
 
 
 def test_each_constant_says_where_it_comes_from():
+    """Of a variant, `asks` says it."""
     unsourced = []
-    for line in SHIPPED.read_text().splitlines():
+    text, variants = SHIPPED.read_text().split("\n  variants:")
+    assert variants.count("\n      asks: ") == len(WHOLE["sweeps"]["variants"])
+    for line in text.splitlines():
         code, _, comment = line.partition("#")
         is_constant = code.strip() and not code.rstrip().endswith(":")
         if is_constant and not re.search(r"\bpaper (§\d|fig|appendix)|\bours: \w", comment):
@@ -185,6 +190,151 @@ def test_a_sweep_of_unknown_or_repeated_entries_is_refused(keys, wrong, words, t
 def test_values_that_do_not_fit_each_other_are_refused(changes, words, tmp_path):
     (sentence,) = faults(tmp_path, changes)
     assert words in sentence
+
+
+# Variants.
+
+PLAIN = {"asks": "why?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"], "noisy": ["mtl", "cais_surprise"]}}
+
+
+def refused(folder: Path, name: Any = "plain", **changes: Any) -> list[str]:
+    """The sentences that refuse PLAIN with some changes, as the only variant, less where that stands."""
+    sentences = faults(folder, {("sweeps", "variants"): {name: PLAIN | changes}})
+    return [sentence.removeprefix(f"sweeps.variants.{name}") for sentence in sentences]
+
+
+def test_a_variant_is_the_published_params_with_some_values_changed():
+    changes = {
+        "conditions.noisy.force": 20,
+        "world.rope_slack": 0.01,
+        "encoder.latent_sd": 1.0,
+        "agent.gamma": 0.5,
+        "outcomes.memory": 7,
+        "rewards.cais.pays": "taken",
+    }
+    whole = params.Params.model_validate(
+        WHOLE | {"sweeps": {"seeds": 2, "variants": {"plain": PLAIN, "many": PLAIN | {"set": changes}}}}
+    )
+    assert params.varied(whole, "plain").rewards.gain == 1.0
+    changed = copy.deepcopy(whole.model_dump())
+    for key, value in changes.items():
+        *sections, last = key.split(".")
+        section = changed
+        for name in sections:
+            section = section[name]
+        section[last] = value
+    assert params.varied(whole, "many").model_dump() == changed
+    assert isinstance(params.varied(whole, "many").conditions.noisy.force, float)
+    assert whole.rewards.gain == WHOLE["rewards"]["gain"]
+    assert whole.sweeps.variants["plain"].pairs == (("free", "mtl"), ("noisy", "mtl"), ("noisy", "cais_surprise"))
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["seed", "protocol.limb", "collect.steps", "encoder", "encoder.tau", "encoder.latent", "encoder.latent_sdx",
+     "sweep.seeds", "sweeps.seeds", "calibrate.worlds"],
+)  # fmt: skip
+def test_a_variant_may_not_change_what_the_published_encoder_or_the_sweep_is_made_of(key, tmp_path):
+    assert refused(tmp_path, set={key: 3}) == [
+        f": set has {key!r}, but a variant may change only conditions, world, agent, outcomes, rewards, "
+        "encoder.latent_sd."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"world.mobile_mas": 1.0}, "world.mobile_mas is not a known key; perhaps 'mobile_mass' is meant."),
+        ({"wrld.mobile_mass": 1.0}, "wrld is not a known key; perhaps 'world' is meant."),
+        ({"rewards.cias.pays": "move"}, "rewards.cias is not a known key; perhaps 'cais' is meant."),
+        ({"gain": 1.0}, "gain is not a known key; known are "),
+        ({"rewards.gain.size": 1.0}, "rewards.gain.size is not a known key; gain is a value, not a section."),
+        ({"world": 1.0}, "world must be a section of keys and values."),
+        ({"world.mobile_mass": -1.0}, "world.mobile_mass must be greater than 0; it is -1.0."),
+        ({"world.mobile_mass": "1e-3"}, "world.mobile_mass must be a valid number; it is '1e-3', which is text: "),
+        ({"world.mobile_mass": [0.1, 0.2]}, "world.mobile_mass must be a valid number."),
+        ({"agent.gamma": None}, "agent.gamma must be a valid number; it is None."),
+        ({"rewards.cais.pays": "mvoe"}, "rewards.cais.pays must be 'move' or 'taken'; it is 'mvoe'."),
+    ],
+)
+def test_a_variant_that_sets_what_does_not_hold_is_refused(change, sentence, tmp_path):
+    (found,) = refused(tmp_path, set=change)
+    assert found.startswith(f".set: {sentence}")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"asks": ""}, ".asks: string should have at least 1 character"),
+        ({"set": {}}, ".set: dictionary should have at least 1 item"),
+        ({"cells": {}}, ".cells: dictionary should have at least 1 item"),
+        ({"cells": {"free": []}}, ".cells.free: list should have at least 1 item"),
+        ({"cells": {"windy": ["mtl"]}}, ".cells.windy must be 'free' or 'noisy'; it is 'windy'."),
+        ({"cells": {"free": ["rtll"]}}, ": cells.free has 'rtll', but 'rtll' is unknown; perhaps 'rtl' is meant."),
+        ({"cells": {"free": ["mtl", "mtl"]}}, ": cells.free names one entry twice."),
+        ({"cells": {"free": ["mtl_mtl"]}}, ": cells.free has 'mtl_mtl', which adds one reward twice."),
+        ({"aks": "why?"}, ".aks is not a known key; perhaps 'asks' is meant."),
+    ],
+)
+def test_a_variant_of_another_shape_is_refused(changes, sentence, tmp_path):
+    (found,) = refused(tmp_path, **changes)
+    assert found.startswith(sentence)
+
+
+@pytest.mark.parametrize("name", ["Gain", "gain-1", "gain 1", "", "gain/1"])
+def test_a_variants_name_is_small_letters_digits_and_underscores(name, tmp_path):
+    (sentence,) = faults(tmp_path, {("sweeps", "variants"): {name: PLAIN}})
+    assert sentence == f"sweeps: variants has {name!r}: use small letters, digits and '_' alone."
+
+
+def test_variants_cannot_be_none_nor_nameless(tmp_path):
+    (sentence,) = faults(tmp_path, {("sweeps", "variants"): {}})
+    assert sentence.startswith("sweeps.variants: dictionary should have at least 1 item")
+    (sentence,) = faults(tmp_path, {("sweeps", "variants"): {500: PLAIN}})
+    assert sentence == "sweeps.variants.500 must be a valid string; it is 500."
+
+
+def test_every_variant_at_fault_is_named(tmp_path):
+    variants = {name: PLAIN | {"set": {"agent.gamma": 1.0}} for name in ("one", "two")}
+    assert faults(tmp_path, {("sweeps", "variants"): variants}) == [
+        f"sweeps.variants.{name}.set: agent.gamma must be less than 1; it is 1.0." for name in variants
+    ]
+
+
+# Worlds in which effects are measured besides the published one.
+
+
+def test_an_alternative_is_the_published_params_in_another_world():
+    whole = params.load(SHIPPED)
+    other = params.changed(whole, {"world.mobile_mass": 1, "world.rope_slack": 0.5})
+    world = whole.world.model_copy(update={"mobile_mass": 1.0, "rope_slack": 0.5})
+    assert other == whole.model_copy(update={"world": world})
+    assert isinstance(other.world.mobile_mass, float)
+
+
+@pytest.mark.parametrize(
+    ("alternatives", "sentence"),
+    [
+        ({"a": {"agent.gamma": 0.5}},
+         "effects: alternatives.a has 'agent.gamma', but an alternative may change only world."),
+        ({"a": {"world": 1.0}}, "effects: alternatives.a has 'world', but an alternative may change only world."),
+        ({"a-b": {"world.rope_slack": 0.5}},
+         "effects: alternatives has 'a-b': use small letters, digits and '_' alone."),
+        ({"published": {"world.rope_slack": 0.5}},
+         "effects: alternatives has 'published', which is the world of params.yaml itself."),
+        ({"a": {"world.mobile_mas": 1.0}},
+         "effects.alternatives.a: world.mobile_mas is not a known key; perhaps 'mobile_mass' is meant."),
+        ({"a": {"world.mobile_mass": -1.0}},
+         "effects.alternatives.a: world.mobile_mass must be greater than 0; it is -1.0."),
+        ({"a": {}}, "effects.alternatives.a: dictionary should have at least 1 item after validation, not 0."),
+        ({"a": 1.0}, "effects.alternatives.a must be a valid dictionary; it is 1.0."),
+    ],
+)  # fmt: skip
+def test_an_alternative_that_does_not_hold_is_refused(alternatives, sentence, tmp_path):
+    assert faults(tmp_path, {("effects", "alternatives"): alternatives}) == [sentence]
+
+
+# Files.
 
 
 @pytest.mark.parametrize(

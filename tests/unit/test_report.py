@@ -1,10 +1,11 @@
-"""Stages analyse, figures and report, on fabricated runs whose outcome is known."""
+"""Stages analyse, claims, figures and report, on fabricated runs whose outcome is known."""
 
 import base64
 import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,15 +17,17 @@ import numpy as np
 import pytest
 import yaml
 
-from mimo import artifact, body, params
+from mimo import artifact, body, encoder, params
 from mimo.artifact import Dataset
-from stages import analyse, console, figures, paths, report, store
+from mimo.encoder import Trained
+from stages import analyse, claims, compare, console, figures, numbers, paths, report, store, verdicts
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 2
 LENGTHS = {"baseline_steps": 20, "attached_steps": 40, "extinction_steps": 20}
 STEPS = sum(LENGTHS.values())
 VOID = {"meta", "br", "img"}
+MEASURES = {f"r2_{condition}_{axis}": 0.987654321 for condition in ("free", "noisy") for axis in "xyz"} | {"cltt": 0.2}
 
 
 def fabricate(condition: str, reward: str, seed: int) -> None:
@@ -40,6 +43,7 @@ def fabricate(condition: str, reward: str, seed: int) -> None:
         "reward": Dataset(joints, "scaled reward", "step, joint"),
         "path_length": Dataset(joints[:, 0], "m", "step"),
         "latent_length": Dataset(joints[:, 1], "h", "step"),
+        "centre_of_mass": Dataset(joints[:, :3], "m", "step, xyz"),
     }
     datasets |= {f"part/{part}": Dataset(joints, "own units", "step, joint") for part in reward.split("_")}
     if "cais" in reward or "surprise" in reward:
@@ -48,12 +52,21 @@ def fabricate(condition: str, reward: str, seed: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with params.yaml, fabricated runs, and what the three stages made of them."""
+def project(
+    tmp_path_factory: pytest.TempPathFactory,
+    tiny: params.Params,
+    collected: tuple[np.ndarray, np.ndarray],
+    trained: Trained,
+) -> Iterator[Path]:
+    """A folder with params.yaml, fabricated runs, a tiny encoder, and what the four stages made of them."""
     folder = tmp_path_factory.mktemp("project")
     settings = yaml.safe_load((ROOT / "params.yaml").read_text())
     settings["protocol"] |= LENGTHS
-    settings["sweep"]["seeds"] = SEEDS
+    settings["sweep"]["seeds"] = settings["sweeps"]["seeds"] = SEEDS
+    settings["sweeps"]["variants"] = {
+        "gain_1": {"asks": "does it?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}
+    }
+    settings |= {"collect": tiny.collect.model_dump(), "encoder": tiny.encoder.model_dump(mode="json")}
     (folder / "params.yaml").write_text(yaml.safe_dump(settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -61,16 +74,34 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             for reward in settings["sweep"]["rewards"]:
                 for seed in range(SEEDS):
                     fabricate(condition, reward, seed)
-        curve = np.linspace(1, 0.1, 10, dtype=np.float32)
-        measured = {f"curves/{name}": Dataset(curve, "1", "iteration") for name in ("reconstruction", "cltt")}
-        measured |= {"measures/r2_free_x": Dataset(np.array(0.987654321), "1", "")}
-        measured |= {"measures/cltt": Dataset(np.array(0.2), "1", "")}
-        artifact.write(paths.ENCODER, "encoder", "fabricated by a test", measured)
+        encoder.save(trained, paths.ENCODER, "trained by a test", MEASURES)
+        frames = {"frames": Dataset(collected[0], "1", "regime, world, step, frame, row, column, colour")}
+        artifact.write(paths.FRAMES, store.FRAME, "collected by a test", frames)
         scale = {"mtl": Dataset(np.array(0.008), "m", "")}
         artifact.write(paths.SCALES, store.SCALE, "fabricated by a test", scale)
-        for stage in (analyse, figures, report):
+        shutil.copytree(paths.RUNS / "free/mtl", paths.VARIANTS / "gain_1/free/mtl")
+        numbers.write(EFFECTS, paths.EFFECTS)
+        for stage in (analyse, compare, claims, figures, report):
             stage.main()
         yield folder
+
+
+SIZES = {"attached": [0.8, -0.004, 0.25], "others": 0.05}
+JOINTS = {"mtl": SIZES, "rtl": SIZES, "latent": {"attached": [0.03, 0.02, 0.04], "others": 0.01, "ratio": 3.0}}
+EFFECTS = {
+    "steps": 100,
+    "worlds": {
+        "published": {"set": {}, "free": JOINTS, "noisy": JOINTS, "phases": {"mtl": 0.14, "rtl": -0.05}},
+        "heavy": {
+            "set": {"world.mobile_mass": 0.3}, "free": JOINTS, "noisy": JOINTS, "phases": {"mtl": 0.2, "rtl": 0.0},
+        },
+    },
+}  # fmt: skip
+
+
+@pytest.fixture
+def judged(project: Path) -> dict[str, Any]:
+    return json.loads((project / paths.CLAIMS).read_text())
 
 
 @pytest.fixture
@@ -154,6 +185,34 @@ def test_figures_are_the_same_bytes_in_another_process_whatever_the_users_matplo
     assert not any(b"dc:date" in data for data in drawn.values())
 
 
+def test_reconstructions_are_small_and_of_frames_kept_from_the_training(
+    project: Path, tiny: params.Params, collected: tuple[np.ndarray, np.ndarray]
+):
+    svg = (project / paths.FIGURES / "reconstructions.svg").read_bytes()
+    assert len(svg) < 400_000  # a trained encoder leaves less noise, and 200 kB
+    held = artifact.read(project / paths.ENCODER, encoder.SCHEMA)
+    figure = figures._reconstructions(tiny, held, collected[0])
+    images = [np.asarray(ax.images[0].get_array()) for ax in figure.axes]
+    assert [image.shape for image in images] == [(128, 128, 3)] * 12
+    assert svg.count(b"<image ") == 12
+    first = round(tiny.collect.steps * (1 - tiny.collect.held_out))
+    assert all((image == collected[0][regime, 0, first, 0]).all() for regime, image in enumerate(images[:4]))
+    assert not any((with_skips == alone).all() for with_skips, alone in zip(images[4:8], images[8:], strict=True))
+    assert [ax.get_title() for ax in figure.axes[:4]] == [
+        "free, rope off", "free, rope on", "noisy, rope off", "noisy, rope on",
+    ]  # fmt: skip
+
+
+def test_from_the_latent_alone_nothing_else_of_the_frame_counts(
+    tiny: params.Params, trained: Trained, pairs: np.ndarray
+):
+    net = encoder.Extractor(tiny.encoder, trained).net
+    frame = pairs[:1, 0]
+    h, skips = net.encode(encoder.images(frame))
+    expected = net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()
+    assert np.array_equal(figures._from_latent(net, frame), expected)
+
+
 def test_a_reward_that_was_not_run_leaves_a_note_in_its_place(project: Path):
     whole = artifact.read(project / paths.RESULTS, store.RESULTS)
     kept = {name: dataset for name, dataset in whole.datasets.items() if not name.startswith("free/rtl/")}
@@ -210,10 +269,11 @@ def test_the_page_says_numbers_and_where_they_are_from(html: str, metrics: dict[
     text = " ".join(Page(html).text.split())
     assert "0.81 ± 0.09" in text
     assert "2 of 2" in text
-    assert "Formal tests of the paper's claims are not in this version." in text
-    assert text.count(metrics["results"]) == 5  # tables and four figures
+    assert text.count(metrics["results"]) == 6  # claims, tables and four figures
     assert "dvc repro figures" in text
     assert text.count("Line: mean over n = 2 seeds. Shaded: 1 SD over seeds.") == 4
+    assert "learn from the last 200 transitions" in text
+    assert "an R² of 0.99 (free, x), 0.99 (free, y), 0.99 (free, z), 0.99 (noisy, x)" in text
     assert "sweep.rewards" in text
 
 
@@ -222,14 +282,89 @@ def test_the_page_is_the_same_bytes_again(project: Path, html: str):
     assert (project / paths.REPORT).read_text() == html
 
 
-def test_without_figures_the_report_says_what_to_do(metrics: dict[str, Any], tmp_path: Path):
+def test_without_figures_the_report_says_what_to_do(metrics: dict[str, Any], tiny: params.Params, tmp_path: Path):
     with pytest.raises(console.StageError, match="run `dvc repro figures`"):
-        report.figures(metrics, tmp_path, 0.3)
+        report.figures(metrics, tmp_path, tiny)
 
 
-def test_what_a_name_holds_is_escaped(metrics: dict[str, Any]):
+def test_without_claims_the_report_says_what_to_do(project: Path):
+    held = project / paths.CLAIMS
+    held.rename(held.with_suffix(".away"))
+    with pytest.raises(console.StageError, match=r"reports/claims\.json cannot be read .*; run `dvc repro`"):
+        report.main()
+    held.with_suffix(".away").rename(held)
+
+
+def test_what_a_name_holds_is_escaped(metrics: dict[str, Any], judged: dict[str, Any]):
     bad = report.Constant("a", "<script>", "", "& more")
-    assert "&lt;script&gt;" in report.page(metrics, [], [bad])
+    assert "&lt;script&gt;" in report.page(metrics, judged, {}, EFFECTS, [], [bad])
+
+
+def rows(html: str, section: str) -> list[list[str]]:
+    """The cells' texts of a section's table rows, heads left out."""
+    part = re.search(f'<section id="{section}">.*?</section>', html, re.DOTALL)
+    assert part
+    found = re.findall(r"<tr>(<td.*?)</tr>", re.sub(r"<svg.*?</svg>|<br>", " ", part[0], flags=re.DOTALL), re.DOTALL)
+    return [[" ".join(Page(cell).text.split()) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)] for row in found]
+
+
+def test_every_claim_stands_on_the_page_with_its_tests(html: str, judged: dict[str, Any]):
+    found = rows(html, "claims")
+    tests = [test for claim in judged["claims"] for test in claim["tests"]]
+    assert len(tests) > 40
+    assert [row[:2] for row in found] == [
+        *([claim["name"], claim["verdict"]] for claim in judged["claims"]),
+        *(
+            [test["says"], test["verdict"] if test in claim["tests"] else ""]
+            for claim in judged["claims"]
+            for test in claim["tests"] + claim["afterwards"]
+        ),
+    ]
+    text = " ".join(Page(html).text.split())
+    for claim in judged["claims"]:
+        assert f"{claim['says']} Paper {claim['section']}, {claim['panel']}" in text
+    assert html.index('id="claims"') < html.index('id="results"')
+    assert '<a href="#fig3">3 C</a>, <a href="#fig4">4 C</a>' in html
+
+
+def test_a_tests_row_says_effect_interval_region_unit_and_seeds(html: str, judged: dict[str, Any]):
+    claim = next(claim for claim in judged["claims"] if claim["name"].startswith("9"))
+    test = next(test for test in claim["tests"] if test["name"] == "free_cais_surprise_p")
+    row = next(row for row in reversed(rows(html, "claims")) if row[0] == test["says"])
+    assert row == [test["says"], "holds", "0.562", "[0.500, 0.625]", "≥ 0.05 P(MOVE)", "2", ""]
+    assert "<title>0.500, 0.625</title>" in html
+
+
+def test_the_effects_of_every_world_are_on_the_page(html: str):
+    sizes = "0.80 0.00 0.25 | 0.05"
+    assert rows(html, "fair") == [
+        ["published", *[sizes] * 4, "3.0", "3.0", "0.14, −0.05"],
+        ["heavy world.mobile_mass 0.3", *[sizes] * 4, "3.0", "3.0", "0.20, 0.00"],
+    ]
+
+
+def test_a_variants_verdicts_reach_the_page(html: str):
+    assert "What decides" in html
+    assert "gain_1" in html
+
+
+def test_variants_stand_beside_the_published_runs(metrics: dict[str, Any], judged: dict[str, Any]):
+    claim = judged["claims"][0]
+    test = claim["tests"][0]
+    other = test | {"effect": -0.25, "interval": [-0.5, 0.25], "verdict": "fails"}
+    own = {"asks": "does it?", "set": {"rewards.gain": 1.0}, "published": {"rewards.gain": 0.3}, "seeds": 5}
+    variants = {
+        "gain_1": own | {"claims": [claim | {"tests": [other], "complete": False}]},
+        "other": own | {"claims": []},
+    }
+    html = report.page(metrics, judged, variants, EFFECTS, [], [])
+    assert "gain_1: does it? rewards.gain 1.0 in place of 0.3" in " ".join(Page(html).text.split())
+    region = "≥ 0.5, SD over steps"
+    published = f"{numbers.number(test['effect'], 3)} {verdicts.interval(test['interval'])} {test['verdict']}"
+    assert rows(html, "decides") == [[f"{test['says']} {region}", published, "−0.250 [−0.500, 0.250] fails", ""]]
+    links = [value for _, name, value in Page(html).attributes if name == "href"]
+    assert "#decides" in links
+    assert "#fig3" not in links  # there is no such figure on this page
 
 
 def test_constants_with_their_comments():
@@ -242,6 +377,9 @@ def test_constants_with_their_comments():
         "  - x",
         "  - y",
         "e: 1.0 # paper appendix",
+        "sweeps:",
+        "  variants:",
+        "    f: {asks: 'why?', set: {a.b: [1, 2], e: 2.0}, cells: {free: [mtl]}}",
     )
     assert report.constants("\n".join(lines)) == [
         report.Constant("seed", "3", "ours", "ours: any"),
@@ -249,6 +387,7 @@ def test_constants_with_their_comments():
         report.Constant("a.c", "#no", "", ""),
         report.Constant("a.d", "x, y", "", ""),
         report.Constant("e", "1.0", "paper", "paper appendix"),
+        report.Constant("sweeps.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
     ]
 
 
@@ -259,8 +398,10 @@ def test_every_constant_of_params_yaml_says_its_source():
 
 
 def test_numbers_as_people_write_them():
-    assert report.number(-0.001) == "0.00"
-    assert report.number(-0.26) == "−0.26"
-    assert report.number(None) == "–"
+    assert numbers.number(-0.001) == "0.00"
+    assert numbers.number(-0.26) == "−0.26"
+    assert numbers.number(None) == "–"
     assert report.spread({"mean": 0.5, "sd": None}) == "0.50"
-    assert analyse.rounded({"a": [1], "b": -0.0, "c": 0.12345678}) == {"a": [1], "b": 0.0, "c": 0.123457}
+    assert numbers.rounded({"a": [1, 0.12345678], "b": -0.0, "c": np.float64("nan"), "d": float("-inf")}) == {
+        "a": [1, 0.123457], "b": 0.0, "c": None, "d": None,
+    }  # fmt: skip

@@ -12,8 +12,9 @@ from mimo.rewards import REWARDS, Reward, Transition, UnknownRewardError
 JOINTS, LATENT = 12, 64
 
 
-def settings(pays: str = "move") -> params.Rewards:
-    return params.Rewards.model_validate({"gain": 0.3, "cais": {"pays": pays}})
+def settings(cais: str = "move", surprise: str = "taken") -> params.Rewards:
+    pays = {"cais": {"pays": cais}, "surprise": {"pays": surprise}}
+    return params.Rewards.model_validate({"gain": 0.3, "scale": "resting"} | pays)
 
 
 def transition() -> Transition:
@@ -54,6 +55,14 @@ def test_surprise_is_each_joints_distance_from_its_expectation() -> None:
     expected = torch.zeros(2, JOINTS)
     expected[0, 3], expected[1, 11] = 5.0, 6.0
     assert torch.equal(REWARDS["surprise"](settings())(transition()), expected)
+
+
+def test_surprise_may_pay_move_alone() -> None:
+    seen = transition()
+    seen.action[1, 11] = True
+    expected = torch.zeros(2, JOINTS)
+    expected[1, 11] = 6.0
+    assert torch.equal(REWARDS["surprise"](settings(surprise="move"))(seen), expected)
 
 
 @pytest.mark.parametrize("name", ["cais", "surprise"])

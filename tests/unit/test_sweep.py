@@ -1,8 +1,12 @@
-"""The sweep: every run once, the same bytes with and without Ray, one bad run costing no other, one sweep at a time."""
+"""Sweeps: every run once, the same bytes with and without Ray, one bad run costing no other, one sweep at a time."""
 
+import itertools
+import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mimo import artifact
-from mimo.encoder import SCHEMA
+from mimo.encoder import SCHEMA, Trained
 from mimo.params import Params
 from stages import console, paths, store, sweep
-from stages.sweep import Chunk, Job, Run
+from stages.sweep import Chunk, Grid, Job, Run
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
@@ -34,9 +38,25 @@ def _away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
 
 
+def grid(p: Params, scales: dict[str, float]) -> Grid:
+    """The sweep of `p`, as stages.train asks for it."""
+    return Grid(p, scales, tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds)
+
+
 @pytest.fixture
 def job(tiny: Params, encoder_file: bytes, scales: dict[str, float]) -> Job:
-    return Job(tiny, encoder_file, scales)
+    return Job(encoder_file, tiny.encoder.latent_sd, {"": grid(tiny, scales)})
+
+
+def changed(p: Params, section: str, **values: object) -> Params:
+    return p.model_copy(update={section: getattr(p, section).model_copy(update=values)})
+
+
+def with_variants(job: Job) -> Job:
+    """`job` and two variants: `same` changes nothing, `greedy` the gain, so that it shares no run."""
+    own = job.grids[""]
+    greedy = replace(own, params=changed(own.params, "rewards", gain=1.0), cells=(("free", "mtl"),))
+    return replace(job, grids={"": own, "same": replace(own, cells=(("free", "cais"),)), "greedy": greedy})
 
 
 def wanted(job: Job) -> list[Run]:
@@ -61,10 +81,22 @@ def test_runs_are_all_of_the_sweep_in_order(job: Job) -> None:
         ("free", "mtl", 0), ("free", "mtl", 1), ("free", "cais", 0), ("free", "cais", 1)
     ]  # fmt: skip
     assert len({run.digest for run in made}) == 4
-    more = job.params.sweep.model_copy(update={"seeds": 3, "conditions": ["noisy", "free"], "chunk": 7})
-    wider = wanted(Job(job.params.model_copy(update={"sweep": more}), job.encoder, job.scales))
-    assert len(wider) == 12
-    assert set(made) <= set(wider)
+    own = job.grids[""]
+    wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=3)
+    more = wanted(replace(job, grids={"": wider}))
+    assert len(more) == 12
+    assert set(made) <= set(more)
+
+
+def test_variants_share_the_runs_that_their_change_does_not_reach(job: Job) -> None:
+    runs = wanted(with_variants(job))
+    assert [(run.variant, run.reward, run.seed) for run in runs[4:]] == [
+        ("same", "cais", 0), ("same", "cais", 1), ("greedy", "mtl", 0), ("greedy", "mtl", 1)
+    ]  # fmt: skip
+    assert [run.digest for run in runs[4:6]] == [run.digest for run in runs[2:4]]
+    assert sweep.missing(runs) == [*runs[:4], *runs[6:]]
+    names = [chunk.name for chunk in sweep.chunks(sweep.missing(runs), 2)]
+    assert sorted(names) == ["free, cais, seed 0, 1", "free, mtl, seed 0, 1", "greedy: free, mtl, seed 0, 1"]
 
 
 CELLS = st.tuples(
@@ -111,6 +143,11 @@ def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
     write(runs[1], paths.run("free", "mtl", 1))
     write(runs[1], paths.run("free", "cais", 0))  # another run's file
     assert sweep.missing(runs) == runs[2:]
+    greedy = wanted(with_variants(job))[6:]
+    write(greedy[0], paths.run("free", "mtl", 0, "greedy"))
+    assert sweep.missing(greedy) == greedy[1:]
+    assert sweep.missing([replace(runs[1], variant="same")]) == []
+    store.place(store.RUN, greedy[0].digest).unlink()
     assert set(kept()) == {runs[0].digest, runs[1].digest}
     paths.run("free", "mtl", 1).unlink()
     assert sweep.missing(runs) == runs[2:]
@@ -123,9 +160,11 @@ def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
 def test_ray_and_this_process_give_the_same_bytes_and_the_same_faults(
     job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One run at a time here, two in lock step on Ray; Surprise cannot be computed, the others can."""
-    rewards = job.params.sweep.model_copy(update={"rewards": ["mtl", "cais", "surprise"]})
-    job = Job(job.params.model_copy(update={"sweep": rewards}), job.encoder, {**job.scales, "surprise": 1e-320})
+    """One run at a time here, two in lock step on Ray; Surprise cannot be computed, the others and a variant can."""
+    job = with_variants(job)
+    own = job.grids[""]
+    odd = replace(own, scales={**own.scales, "surprise": 1e-320}, cells=(*own.cells, ("free", "surprise")))
+    job = replace(job, grids={"": odd, "greedy": job.grids["greedy"]})
     runs = wanted(job)
     good = {run.digest for run in runs if run.reward != "surprise"}
     files, faults = [], []
@@ -159,6 +198,37 @@ def test_chunks_of_one_and_of_two_are_the_same_bytes(job: Job, tmp_path: Path, m
         files.append(kept())
     assert len(files[0]) == 4
     assert files[0] == files[1]
+
+
+def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trained, job: Job) -> None:
+    held = artifact.from_bytes(job.encoder, SCHEMA)
+    wide = changed(tiny, "encoder", latent_sd=2 * tiny.encoder.latent_sd)
+    assert np.array_equal(sweep.trained(held, job.latent_sd, tiny).quantiles, trained.quantiles)
+    assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
+
+
+@pytest.mark.parametrize("serial", [True, False])
+def test_tasks_come_with_their_names_and_a_fault_by_its_name(serial: bool) -> None:
+    tasks: dict[str, Callable[[], bytes]] = {name: partial(str.encode, name) for name in ("one", "two")}
+    found: list[tuple[str, bytes]] = []
+    with pytest.raises(console.StageError, match=r"^bad: .*no-such"):
+        found.extend(sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, serial))
+    assert set(found) <= {("one", b"one"), ("two", b"two")}
+    assert not serial or len(found) == 2
+    assert sweep.compute(Job(b"", 1.0, {}), [], serial=True) == []  # the lock went with it
+
+
+def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:
+    runs = wanted(with_variants(job))[6:]
+    for run in runs:
+        write(run, store.place(store.RUN, run.digest))
+    path = Path("data/some/greedy.json")
+    sweep.write_manifest(path, runs)
+    content = artifact.content(store.place(store.RUN, runs[0].digest))
+    assert json.loads(path.read_text()) == [
+        {"variant": "greedy", "condition": "free", "reward": "mtl", "seed": run.seed, "digest": run.digest,
+         "content": content} for run in runs
+    ]  # fmt: skip
 
 
 def test_one_bad_seed_costs_no_other(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:

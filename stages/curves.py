@@ -1,0 +1,103 @@
+"""From published runs to curves stacked over seeds, and these as datasets: of the paper's own cells, or a variant's."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimo import analysis, artifact, body
+from mimo.params import Params
+from mimo.protocol import PHASES
+from stages import console, paths, store
+
+UNITS = {  # of the curves whose datasets in a run do not say it
+    "q_move": "scaled reward",
+    "q_advantage": "scaled reward",
+    "limb": "1",
+    "displacement": "m",
+}
+PART_UNITS = {"mtl": "m", "rtl": "h", "cais": "h", "surprise": "h"}
+
+Cells = dict[tuple[str, str], dict[str, np.ndarray]]  # curves, (seed, step) by name, of each condition and reward
+
+
+@dataclass(frozen=True)
+class Stacked:
+    """Curves of some cells, the curves' units, and each run's content hash by its name."""
+
+    cells: Cells
+    units: dict[str, str]
+    runs: dict[str, str]
+
+
+def phases(p: Params) -> dict[str, slice]:
+    """The phases' steps."""
+    return analysis.phases(p.protocol.baseline_steps, p.protocol.attached_steps, p.protocol.extinction_steps)
+
+
+def about(p: Params, seeds: int) -> dict[str, str | int | float]:
+    """What an artifact of curves says of itself."""
+    lengths = {f"{name}_steps": getattr(p.protocol, f"{name}_steps") for name in PHASES}
+    return {"limb": p.protocol.limb, "seeds": seeds} | lengths
+
+
+def read(
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+) -> Stacked:
+    """The runs of some cells, of the paper or of a variant.
+
+    Args:
+        p: for the protocol, which all variants share.
+        pairs: condition and reward of each cell.
+        seeds: how many there are of each.
+        progress: counts runs.
+        variant: empty for the paper's own.
+
+    Raises:
+        console.StageError: a run has another length than `p` asks for.
+    """
+    limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
+    steps = phases(p)["extinction"].stop
+    stacked = Stacked({}, {}, {})
+    for condition, reward in pairs:
+        found = []
+        for seed in range(seeds):
+            run = artifact.read(paths.run(condition, reward, seed, variant), store.RUN)
+            record = {name: dataset.values for name, dataset in run.datasets.items()}
+            if len(record["reward"]) != steps:
+                raise console.StageError(
+                    f"{run.path} has {len(record['reward'])} steps where params.yaml asks for {steps}; run `dvc repro`."
+                )
+            found.append(analysis.curves(record, limbs, p.protocol.limb))
+            stacked.units.update({name: _unit(name, run) for name in found[-1]})
+            stacked.runs[f"{condition}/{reward}/{seed}"] = run.content
+            progress.update(progress.done + 1)
+        stacked.cells[condition, reward] = {name: np.stack([run[name] for run in found]) for name in found[0]}
+    return stacked
+
+
+def datasets(stacked: Stacked, above: str = "") -> dict[str, artifact.Dataset]:
+    """Every curve as `<above><condition>/<reward>/<curve>`."""
+    return {
+        f"{above}{condition}/{reward}/{curve}": artifact.Dataset(values, stacked.units[curve], "seed, step")
+        for (condition, reward), cell in stacked.cells.items()
+        for curve, values in cell.items()
+    }
+
+
+def ends(windows: Mapping[str, slice]) -> dict[str, artifact.Dataset]:
+    """Every window as `windows/<name>`."""
+    return {
+        f"windows/{name}": artifact.Dataset(
+            np.array([steps.start + 1, steps.stop]), "agent step, from 1", "first and last"
+        )
+        for name, steps in windows.items()
+    }
+
+
+def _unit(curve: str, run: artifact.Artifact) -> str:
+    """From the run's own dataset, unless that knows none."""
+    start, _, rest = curve.partition("/")
+    if start == "part":
+        return PART_UNITS.get(rest.split("/")[0], "own units")
+    return UNITS[start] if start in UNITS else run.datasets[start].units

@@ -1,0 +1,74 @@
+"""`python -m stages.effects [--serial]`: joints' effects under the resting policy, reports/effects.json."""
+
+import json
+import sys
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mimo import artifact, effects, encoder, identity, params
+from stages import console, numbers, paths, store, sweep
+
+DIGITS = 4  # significant
+MEASURED = "effects"  # name of the one dataset, which is JSON
+
+
+def main() -> None:
+    """Measure the worlds that the store lacks, then write all."""
+    serial = sweep.is_serial("python -m stages.effects")
+    p = params.load()
+    held = artifact.read(paths.ENCODER, encoder.SCHEMA)
+    worlds: dict[str, dict[str, Any]] = {"published": {}} | p.effects.alternatives
+    settings = {name: params.changed(p, values) for name, values in worlds.items()}
+    digests = {name: digest(own, held.content) for name, own in settings.items()}
+    todo = {
+        name: partial(measure, own, encoder.load(held), digests[name])
+        for name, own in settings.items()
+        if not store.has(store.EFFECT, digests[name])
+    }
+    each = len(effects.REGIMES) * p.effects.steps * p.effects.worlds
+    with console.Progress("Effects", len(todo) * each, "agent steps") as progress:
+        for name, data in sweep.each(todo, serial) if todo else ():
+            artifact.publish(data, store.place(store.EFFECT, digests[name]))
+            progress.update(progress.done + each)
+    found = {name: {"set": values} | read(digests[name]) for name, values in worlds.items()}
+    steps = (p.effects.steps - effects.DROPPED) * p.effects.worlds
+    numbers.write({"steps": steps, "worlds": found}, paths.EFFECTS, DIGITS)
+
+
+def digest(p: params.Params, encoder_hash: str) -> str:
+    """The digest of all that a world's effects depend on, under which the store keeps them."""
+    inputs = {
+        "params": {name: getattr(p, name).model_dump() for name in ("world", "conditions")}
+        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
+        | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
+        | {name: getattr(p.agent, name) for name in ("move_bias", "temperature")}
+        | {name: getattr(p.effects, name) for name in ("steps", "worlds")}
+        | {"seed": p.seed, "quantiles": p.outcomes.quantiles},
+        "encoder": encoder_hash,
+        "code": identity.code("mimo.effects"),
+        "versions": identity.versions(),
+    }
+    return identity.digest(inputs)
+
+
+def measure(p: params.Params, trained: encoder.Trained, made_from: str) -> bytes:
+    """One world's effects as an artifact.
+
+    Raises:
+        FloatingPointError: something does not vary, so that it has no effect.
+    """
+    text = np.array(json.dumps(effects.measure(p, trained)).encode())
+    return artifact.to_bytes(store.EFFECT, made_from, {MEASURED: artifact.Dataset(text, "JSON", "")})
+
+
+def read(made_from: str) -> dict[str, object]:
+    """One world's effects from the store."""
+    text = artifact.read(store.place(store.EFFECT, made_from), store.EFFECT, made_from)[MEASURED]
+    found: dict[str, object] = json.loads(text.item())
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

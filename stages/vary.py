@@ -1,0 +1,64 @@
+"""`python -m stages.vary [--serial]`: scales and runs of every variant into the store, and a manifest for each."""
+
+import shutil
+import sys
+from functools import partial
+
+from mimo import artifact, encoder, params
+from stages import console, paths, scales, store, sweep
+
+
+def main() -> None:
+    """Compute what is missing of the variants, then write their manifests."""
+    serial = sweep.is_serial("python -m stages.vary")
+    p = params.load()
+    file = paths.ENCODER.read_bytes()
+    held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
+    settings = {name: params.varied(p, name) for name in p.sweeps.variants}
+    digests = {name: scales.digest(own, held.content) for name, own in settings.items()}
+    _measure(p, held, settings, digests, serial)
+    grids = {}
+    for name, variant in p.sweeps.variants.items():
+        own = sweep.scales(store.place(store.SCALE, digests[name]), digests[name])
+        grids[name] = sweep.Grid(settings[name], own, variant.pairs, p.sweeps.seeds)
+    runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, serial)
+    _drop_other_variants(set(grids))
+    shutil.rmtree(paths.VARIANT_MANIFESTS, ignore_errors=True)
+    for name in grids:
+        sweep.write_manifest(paths.variant_manifest(name), [run for run in runs if run.variant == name])
+
+
+def _measure(
+    p: params.Params,
+    held: artifact.Artifact,
+    settings: dict[str, params.Params],
+    digests: dict[str, str],
+    serial: bool,
+) -> None:
+    """All scales that the store lacks; a variant that changes nothing they depend on finds the published ones."""
+    names = {digest: name for name, digest in digests.items()}  # of variants with the same scales, one
+    todo = {
+        name: partial(
+            scales.measure, settings[name], sweep.trained(held, p.encoder.latent_sd, settings[name]), held.content
+        )
+        for digest, name in names.items()
+        if not store.has(store.SCALE, digest, elsewhere=[paths.SCALES])
+    }
+    if not todo:
+        return
+    steps = p.calibrate.steps * p.calibrate.worlds
+    with console.Progress("Reward scales", len(todo) * steps, "agent steps") as progress:
+        for name, data in sweep.each(todo, serial):
+            artifact.publish(data, store.place(store.SCALE, digests[name]))
+            progress.update(progress.done + steps)
+
+
+def _drop_other_variants(names: set[str]) -> None:
+    """Variants that left params.yaml would else stay in data/variants, and in what hangs on it."""
+    for folder in paths.VARIANTS.glob("*"):
+        if folder.name not in names:
+            shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

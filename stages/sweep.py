@@ -190,6 +190,8 @@ def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
 def each(todo: Mapping[str, Callable[[], bytes]], serial: bool) -> Iterator[tuple[str, bytes]]:
     """Each task's name and result as soon as it is done, from Ray or, one by one, from this process.
 
+    One task alone stays in this process: Ray would take longer to start than it saves.
+
     Raises:
         console.StageError: a task failed, by its name; those in flight are dropped.
     """
@@ -201,7 +203,7 @@ def each(todo: Mapping[str, Callable[[], bytes]], serial: bool) -> Iterator[tupl
             raise console.StageError(f"{name}: {_logged(fault)[1]}") from fault
 
     with _lock():
-        if serial:
+        if serial or len(todo) == 1:
             yield from (result(name, task) for name, task in todo.items())
             return
         with _local_ray():

@@ -77,6 +77,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         ("encoder.iterations", 4),
         ("calibrate.steps", 6),
         ("collect.steps", 6),
+        ("effects.alternatives", {}),
         ("sweeps.variants", VARIANTS),
     )
     code, output = repro(project)

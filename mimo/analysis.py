@@ -14,13 +14,8 @@ from mimo.protocol import PHASES
 GROUPS = ("attached", "others")
 MOVE = 1  # as mimo.agent's, which would load torch
 ACRONYMS = ("mtl", "rtl", "cais")
-TABLED = (
-    "baseline",
-    "acquisition_early",
-    "acquisition_late",
-    "extinction_early",
-    "extinction_late",
-)  # windows of tables
+# The windows of tables.
+TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")
 LATE = 300  # steps: what counts as early and as late in a phase
 MINUTE = 100  # steps of 0.6 s
 

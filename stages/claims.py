@@ -7,7 +7,7 @@ import operator
 import sys
 from typing import Any
 
-from mimo import analysis, artifact, claims, params
+from mimo import analysis, artifact, claims, judgement, params
 from stages import console, numbers, paths, store
 from stages.results import curves_of, phases_of
 
@@ -16,7 +16,7 @@ def main() -> None:
     """Evaluate every claim."""
     p = params.load()
     held = artifact.read(paths.RESULTS, store.RESULTS)
-    numbers.write({"results": held.content, "level": claims.LEVEL, "claims": judged(held)}, paths.CLAIMS)
+    numbers.write({"results": held.content, "level": judgement.LEVEL, "claims": judged(held)}, paths.CLAIMS)
     held = artifact.read(paths.VARIANT_RESULTS, store.VARIANTS)
     variants = {
         name: {
@@ -28,12 +28,12 @@ def main() -> None:
         }
         for name, variant in p.sweeps.variants.items()
     }
-    numbers.write({"results": held.content, "level": claims.LEVEL, "variants": variants}, paths.VARIANT_CLAIMS)
+    numbers.write({"results": held.content, "level": judgement.LEVEL, "variants": variants}, paths.VARIANT_CLAIMS)
 
 
 def judged(held: artifact.Artifact, above: str = "") -> list[dict[str, Any]]:
     """The claims of mimo.claims with their verdicts, from an artifact of curves; `above` as in `curves_of`."""
-    return claims.evaluate(curves_of(held, above), analysis.windows(phases_of(held)), claims.CLAIMS)
+    return judgement.evaluate(curves_of(held, above), analysis.windows(phases_of(held)), claims.CLAIMS)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ DIGITS = 3  # decimals of effects
 WIDTH, MARGIN = 160, 6  # of a strip, in pixels
 
 Ends = tuple[float | None, float | None] | list[float | None]
-Test = Mapping[str, Any]  # as mimo.claims.evaluate describes it
+Test = Mapping[str, Any]  # as mimo.judgement.evaluate describes it
 Judged = Mapping[str, Any]  # reports/claims.json, or a variant in reports/variants.json
 
 

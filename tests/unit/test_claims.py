@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mimo import analysis, claims
+from mimo import analysis, claims, judgement
 
 PHASES = analysis.phases(500, 1500, 500)
 WINDOWS = analysis.windows(PHASES)
@@ -21,28 +21,28 @@ def by_phase(baseline: float, attached: float, extinction: float, seeds: int = 2
     return np.tile(np.repeat([baseline, attached, extinction], [500, 1500, 500]), (seeds, 1)).astype(np.float32)
 
 
-def measured(measure: claims.Measure, **curves: np.ndarray) -> list[Any]:
+def measured(measure: judgement.Measure, **curves: np.ndarray) -> list[Any]:
     named = {name.replace("__", "/"): values for name, values in curves.items()}
     return [pytest.approx(value) for value in measure({CELL: named}, WINDOWS)]
 
 
 def bounds(effects: np.ndarray) -> tuple[float, float]:
-    found = claims.interval(effects)
+    found = judgement.interval(effects)
     assert found is not None
     return found
 
 
 def test_interquartile_mean_cuts_a_quarter_at_either_end():
-    assert claims.interquartile_mean(np.array([100.0, 1, 2, 3, 4, 5, 6, -100])) == pytest.approx(3.5)
-    assert claims.interquartile_mean(np.array([9.0, 1, 2])) == pytest.approx(4)
+    assert judgement.interquartile_mean(np.array([100.0, 1, 2, 3, 4, 5, 6, -100])) == pytest.approx(3.5)
+    assert judgement.interquartile_mean(np.array([9.0, 1, 2])) == pytest.approx(4)
 
 
 def test_interval_holds_the_centre_and_is_the_same_every_time():
     effects = np.random.default_rng(1).normal(1, 0.5, 10)
     low, high = bounds(effects)
-    assert low < claims.interquartile_mean(effects) < high
-    assert claims.interval(effects) == (low, high)
-    assert claims.interval(effects + 1) == pytest.approx((low + 1, high + 1))
+    assert low < judgement.interquartile_mean(effects) < high
+    assert judgement.interval(effects) == (low, high)
+    assert judgement.interval(effects + 1) == pytest.approx((low + 1, high + 1))
 
 
 def test_interval_covers_the_truth_about_as_often_as_it_says():
@@ -52,27 +52,27 @@ def test_interval_covers_the_truth_about_as_often_as_it_says():
 
 
 def test_interval_of_equal_effects_is_a_point_and_of_one_seed_nothing():
-    assert claims.interval(np.full(4, 0.25)) == (0.25, 0.25)
-    assert claims.interval(np.array([1.0])) is None
+    assert judgement.interval(np.full(4, 0.25)) == (0.25, 0.25)
+    assert judgement.interval(np.array([1.0])) is None
 
 
 @pytest.mark.parametrize(
     ("bounds", "region", "expected"),
     [
-        ((0.1, 0.2), (0.05, math.inf), claims.HOLDS),
-        ((0.05, 0.2), (0.05, math.inf), claims.HOLDS),
-        ((0.01, 0.2), (0.05, math.inf), claims.UNDECIDED),
-        ((0.01, 0.04), (0.05, math.inf), claims.FAILS),
-        ((-0.04, 0.04), (-0.05, 0.05), claims.HOLDS),
-        ((-0.06, 0.04), (-0.05, 0.05), claims.UNDECIDED),
-        ((-0.06, 0.06), (-0.05, 0.05), claims.UNDECIDED),
-        ((0.06, 0.07), (-0.05, 0.05), claims.FAILS),
-        ((-0.9, -0.6), (-math.inf, -0.5), claims.HOLDS),
-        (None, (0.05, math.inf), claims.UNDECIDED),
+        ((0.1, 0.2), (0.05, math.inf), judgement.HOLDS),
+        ((0.05, 0.2), (0.05, math.inf), judgement.HOLDS),
+        ((0.01, 0.2), (0.05, math.inf), judgement.UNDECIDED),
+        ((0.01, 0.04), (0.05, math.inf), judgement.FAILS),
+        ((-0.04, 0.04), (-0.05, 0.05), judgement.HOLDS),
+        ((-0.06, 0.04), (-0.05, 0.05), judgement.UNDECIDED),
+        ((-0.06, 0.06), (-0.05, 0.05), judgement.UNDECIDED),
+        ((0.06, 0.07), (-0.05, 0.05), judgement.FAILS),
+        ((-0.9, -0.6), (-math.inf, -0.5), judgement.HOLDS),
+        (None, (0.05, math.inf), judgement.UNDECIDED),
     ],
 )
 def test_verdict(bounds: tuple[float, float] | None, region: tuple[float, float], expected: str):
-    assert claims.verdict(bounds, *region) == expected
+    assert judgement.verdict(bounds, *region) == expected
 
 
 def test_shift_is_cohens_d_of_steps():
@@ -117,7 +117,7 @@ def test_more_pairs_the_seeds():
     assert measured(zero, **curves) == [0, 0]
 
 
-def world(learns: bool) -> claims.Curves:
+def world(learns: bool) -> judgement.Curves:
     """Curves of all cells, 6 seeds: as the paper tells it, or such that every claim is clearly wrong."""
     draw = np.random.default_rng(3)
     seeds = 6
@@ -159,16 +159,16 @@ def world(learns: bool) -> claims.Curves:
     return found
 
 
-@pytest.mark.parametrize(("learns", "expected"), [(True, claims.HOLDS), (False, claims.FAILS)])
+@pytest.mark.parametrize(("learns", "expected"), [(True, judgement.HOLDS), (False, judgement.FAILS)])
 def test_every_claim_can_hold_and_can_fail(learns: bool, expected: str):
-    found = claims.evaluate(world(learns), WINDOWS, claims.CLAIMS)
+    found = judgement.evaluate(world(learns), WINDOWS, claims.CLAIMS)
     assert {claim["name"]: claim["verdict"] for claim in found} == {claim.name: expected for claim in claims.CLAIMS}
     assert all(claim["complete"] for claim in found)
     json.dumps(found, allow_nan=False)
 
 
 def test_a_test_says_all_that_backs_its_verdict():
-    (first, *_) = claims.evaluate(world(learns=True), WINDOWS, claims.CLAIMS)
+    (first, *_) = judgement.evaluate(world(learns=True), WINDOWS, claims.CLAIMS)
     test = first["tests"][0]
     assert (test["n"], len(test["seeds"]), test["region"]) == (6, 6, [claims.MEDIUM, None])
     assert test["interval"][0] <= test["effect"] <= test["interval"][1]
@@ -176,25 +176,25 @@ def test_a_test_says_all_that_backs_its_verdict():
 
 
 def test_what_was_looked_at_afterwards_has_no_part_in_the_verdict():
-    judged = claims.evaluate(world(learns=True), WINDOWS, claims.CLAIMS)
+    judged = judgement.evaluate(world(learns=True), WINDOWS, claims.CLAIMS)
     found = next(claim for claim in judged if claim["name"].startswith("1b"))
-    assert {test["verdict"] for test in found["afterwards"]} == {claims.FAILS}
-    assert found["verdict"] == claims.HOLDS
+    assert {test["verdict"] for test in found["afterwards"]} == {judgement.FAILS}
+    assert found["verdict"] == judgement.HOLDS
 
 
 def test_missing_cells_leave_claims_out_or_open():
     curves = {cell: found for cell, found in world(learns=True).items() if cell in {("free", "mtl"), ("noisy", "cais")}}
-    found = {claim["name"][:2]: claim for claim in claims.evaluate(curves, WINDOWS, claims.CLAIMS)}
+    found = {claim["name"][:2]: claim for claim in judgement.evaluate(curves, WINDOWS, claims.CLAIMS)}
     assert set(found) == {"1 ", "2 ", "3 ", "5 "}
-    assert {claim["verdict"] for claim in found.values()} == {claims.UNDECIDED}
+    assert {claim["verdict"] for claim in found.values()} == {judgement.UNDECIDED}
     assert not any(claim["complete"] for claim in found.values())
-    assert {test["verdict"] for claim in found.values() for test in claim["tests"]} == {claims.HOLDS}
+    assert {test["verdict"] for claim in found.values() for test in claim["tests"]} == {judgement.HOLDS}
 
 
 def test_one_failed_test_fails_a_claim_even_where_others_are_missing():
     curves = {("noisy", "cais"): world(learns=False)["noisy", "cais"]}
-    verdicts = {claim["name"]: claim["verdict"] for claim in claims.evaluate(curves, WINDOWS, claims.CLAIMS)}
-    assert verdicts["5 CAIS alone learns, noisy"] == claims.FAILS
+    verdicts = {claim["name"]: claim["verdict"] for claim in judgement.evaluate(curves, WINDOWS, claims.CLAIMS)}
+    assert verdicts["5 CAIS alone learns, noisy"] == judgement.FAILS
 
 
 def test_claims_are_named_once_read_cells_of_the_sweep_and_have_a_region():

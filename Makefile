@@ -1,4 +1,4 @@
-# make paper | preview | test | check | format | bench. `make` alone lists them.
+# make paper | verify | publish | preview | test | check | format | bench. `make` alone lists them.
 
 PYTHON ?= python3.11
 MUJOCO_GL ?= egl
@@ -11,17 +11,21 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper preview test check format bench .venv
+.PHONY: help paper verify publish preview test check format bench .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
 paper: $(STAMP) ## Every figure, table and claim of the paper: only what is missing is computed
-	@if dvc status -q; then \
-	  echo "Nothing to do: reports/index.html is up to date."; \
-	else \
-	  python -m stages.gl --install && dvc repro && echo "Done: reports/index.html"; \
-	fi
+	@python -m stages.gl --install
+	@python -m stages.paper
+
+verify: $(STAMP) ## Compute a sample of the published artifacts again and compare
+	@python -m stages.gl --install
+	@python -m stages.verify
+
+publish: $(STAMP) ## Say on which machines the published artifacts were made: reports/published-on.json
+	@python -m stages.provenance
 
 preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
 	@python -m stages.gl --install

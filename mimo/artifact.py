@@ -1,12 +1,14 @@
 """Artifacts: the only reader and writer of HDF5.
 
-An artifact is a set of named arrays with units and axes, a schema's name, the digest of what it was made from, and a
-SHA-256 over all of that. The same content gives the same file, byte for byte, whenever and wherever it is written. A
+An artifact is a set of named arrays with units and axes, a schema's name, what it was made from, and a SHA-256 over
+its content. The same content gives the same file, byte for byte, whenever and wherever it is written. HDF5's user
+block, the file's first 512 bytes, holds a line of text with the SHA-256 of all that follows: no byte changes unseen. A
 file that is damaged, altered or of another kind is refused with one sentence; nothing is ever unpickled.
 """
 
 import hashlib
 import io
+import json
 import math
 import os
 import re
@@ -14,18 +16,20 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
 from mimo.errors import Fault
-from mimo.identity import canonical
+from mimo.identity import Digest, canonical
 
 SCHEMA_VERSION = 1
 # The first format with checksums over HDF5's own structures, so that a flipped byte there fails loudly; fixed, since
 # "latest" would move with the library.
 LIBVER = ("v110", "v110")
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+USER_BLOCK = 512  # bytes, the least that HDF5 allows
 CHUNK = 2**19  # bytes: small enough for HDF5's chunk cache, large enough that the index costs nothing
 DENSEST = 1100  # deflate cannot pack more than 1032 bytes into one: a file that claims more is not to be trusted
 REMEDY = "run `dvc checkout` or `dvc repro`"
@@ -49,11 +53,15 @@ class Dataset:
 
 @dataclass(frozen=True, eq=False)
 class Artifact:
-    """What a verified file holds; `artifact["joints"]` is the array of that name."""
+    """What a verified file holds; `artifact["joints"]` is the array of that name.
+
+    `digest` is that of `inputs`, what it was made from; `inputs` is None where the writer knew no more than the digest.
+    """
 
     path: Path
     schema: str
     digest: str
+    inputs: dict[str, Any] | None
     content: str
     about: dict[str, str | int | float]
     datasets: dict[str, Dataset]
@@ -77,7 +85,7 @@ def write(
     Args:
         path: the file; its folder is made when missing.
         schema: name of the artifact's kind, checked by whoever reads it.
-        digest: digest of what the artifact was made from (see mimo.identity).
+        digest: of what the artifact was made from; one by identity.Digest brings that along, and it is kept too.
         datasets: by name; "/" nests. Booleans, integers, floats up to 64 bits and byte strings, every float finite.
         about: further attributes: text, integers or finite floats.
 
@@ -113,8 +121,14 @@ def read(path: str | Path, schema: str, digest: str | None = None) -> Artifact:
 
 def from_bytes(data: bytes, schema: str, digest: str | None = None, source: str | Path = "memory") -> Artifact:
     """`read` for the bytes of a file; `source` is what messages call it."""
-    if not data.startswith(SIGNATURE):
-        raise _refusal(source, "is not an HDF5 file" if data else "is empty")
+    if not data:
+        raise _refusal(source, "is empty")
+    if SIGNATURE not in (data[: len(SIGNATURE)], data[USER_BLOCK : USER_BLOCK + len(SIGNATURE)]):
+        raise _refusal(source, "is not an HDF5 file, or its beginning is damaged")
+    if data[:USER_BLOCK] != _header(data[USER_BLOCK:]):
+        raise _refusal(
+            source, "is no artifact of this project, or is not as it was written (its SHA-256 does not hold)"
+        )
     try:
         # The file lies in memory: no lock, no second look at a file that may have been replaced meanwhile.
         with h5py.File(io.BytesIO(data), "r") as file:
@@ -138,6 +152,11 @@ def content(path: str | Path) -> str:
         raise _refusal(path, "is missing") from None
     except Exception as fault:
         raise _refusal(path, f"states no content hash ({_brief(fault)})") from fault
+
+
+def part(held: Artifact, *starts: str) -> str:
+    """SHA-256 over the datasets whose names begin with one of `starts`, for what depends on them alone."""
+    return _hash(held.schema, {name: data for name, data in held.datasets.items() if name.startswith(starts)}, {})
 
 
 def publish(data: bytes, path: str | Path) -> None:
@@ -187,12 +206,14 @@ def _encode(source: str, schema: str, digest: str, datasets: Mapping[str, Datase
     content_hash = _hash(schema, held, notes)
     buffer = io.BytesIO()
     try:
-        with h5py.File(buffer, "w", libver=LIBVER, track_order=False, track_times=False) as file:
+        options = {"libver": LIBVER, "userblock_size": USER_BLOCK, "track_order": False, "track_times": False}
+        with h5py.File(buffer, "w", **options) as file:
             _put(file, "schema", schema)
             _put(file, "version", SCHEMA_VERSION)
             _put(file, "digest", digest)
+            if isinstance(digest, Digest):
+                _put(file, "inputs", canonical(digest.inputs).decode())
             _put(file, "content", content_hash)
-            _put(file, "seal", _seal(digest, content_hash))
             for key, value in notes.items():
                 _put(file, f"about.{key}", value)
             for name, dataset in held.items():
@@ -201,12 +222,19 @@ def _encode(source: str, schema: str, digest: str, datasets: Mapping[str, Datase
                 _put(target, "axes", dataset.axes)
     except Exception as fault:
         raise ArtifactError(f"{source} cannot be written as HDF5 ({_brief(fault)}).") from fault
-    return buffer.getvalue(), content_hash
+    body = buffer.getvalue()[USER_BLOCK:]
+    return _header(body) + body, content_hash
+
+
+def _header(body: bytes) -> bytes:
+    """The user block: for `head -n 1`, and for whoever checks the file without HDF5."""
+    text = f"mimo-agency artifact; SHA-256 of the bytes from {USER_BLOCK} on: {hashlib.sha256(body).hexdigest()}\n"
+    return text.encode().ljust(USER_BLOCK, b"\0")
 
 
 def _decode(file: h5py.File, path: Path, schema: str, digest: str | None, size: int) -> Artifact:
     root = _attributes(file)
-    missing = [key for key in ("schema", "version", "digest", "content", "seal") if key not in root]
+    missing = [key for key in ("schema", "version", "digest", "content") if key not in root]
     if missing:
         raise _refusal(path, f"is not an artifact of this project (it lacks {', '.join(missing)})")
     if root["schema"] != schema:
@@ -220,13 +248,16 @@ def _decode(file: h5py.File, path: Path, schema: str, digest: str | None, size: 
     datasets = {name: _take(path, name, found[name]) for name in sorted(found)}
     about = {key.removeprefix("about."): root[key] for key in sorted(root) if key.startswith("about.")}
     made, stated = str(root["digest"]), str(root["content"])
-    if _hash(schema, datasets, about) != stated or _seal(made, stated) != root["seal"]:
+    if _hash(schema, datasets, about) != stated:
         raise _refusal(path, "was altered after it was written (its content hash does not hold)")
+    inputs = json.loads(str(root["inputs"])) if "inputs" in root else None
+    if inputs is not None and Digest(inputs) != made:
+        raise _refusal(path, "was altered after it was written (its digest does not hold)")
     if digest is not None and made != digest:
         raise _refusal(
             path, f"was made from other inputs (digest {made[:12]}, expected {digest[:12]})", "run `dvc repro`"
         )
-    return Artifact(path, schema, made, stated, about, datasets)
+    return Artifact(path, schema, made, inputs, stated, about, datasets)
 
 
 def _take(path: Path, name: str, node: h5py.Dataset) -> Dataset:
@@ -309,11 +340,6 @@ def _hash(schema: str, datasets: Mapping[str, Dataset], about: About) -> str:
         total.update(canonical(line) + b"\n")
         total.update(values.data)
     return total.hexdigest()
-
-
-def _seal(digest: str, content_hash: str) -> str:
-    """Binds the digest to the content, which leaves it out."""
-    return hashlib.sha256(f"{digest} {content_hash}".encode()).hexdigest()
 
 
 def _load(path: Path) -> bytes:

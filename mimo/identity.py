@@ -43,9 +43,18 @@ def canonical(obj: object) -> bytes:
     return json.dumps(_plain(obj), sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode()
 
 
-def digest(inputs: Mapping[str, object]) -> str:
-    """SHA-256 of canonical(inputs), in hexadecimal."""
-    return hashlib.sha256(canonical(inputs)).hexdigest()
+class Digest(str):
+    """SHA-256 of canonical(inputs), in hexadecimal; it remembers the inputs, so that an artifact can keep them."""
+
+    inputs: Mapping[str, object]
+
+    def __new__(cls, inputs: Mapping[str, object]) -> "Digest":  # noqa: D102
+        made = super().__new__(cls, hashlib.sha256(canonical(inputs)).hexdigest())
+        made.inputs = inputs
+        return made
+
+    def __reduce__(self) -> "tuple[type[Digest], tuple[Mapping[str, object]]]":
+        return Digest, (self.inputs,)
 
 
 def code(*modules: str, rewards: Collection[str] | None = None, root: Path = ROOT) -> dict[str, str]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mimo import analysis, artifact, identity, params
-from stages import console, curves, numbers, paths, store
+from stages import console, curves, numbers, paths, provenance, store
 
 ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
 PLOTTED = ("move_probability", "reward", "q_move", "influence")
@@ -23,10 +23,11 @@ def main() -> None:
     with console.Progress("Analysis", len(pairs) * p.sweep.seeds, "runs") as progress:
         stacked = curves.read(p, pairs, p.sweep.seeds, progress)
     cells, about = stacked.cells, curves.about(p, p.sweep.seeds)
-    digest = identity.digest({"runs": stacked.runs, "about": about})
+    digest = identity.Digest({"runs": stacked.runs, "about": about})
     content = artifact.write(
         paths.RESULTS, store.RESULTS, digest, curves.datasets(stacked) | curves.ends(windows), about
     )
+    provenance.note(store.RESULTS, digest)
 
     held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, store.SCALE)
     metrics: dict[str, Any] = {

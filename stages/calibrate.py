@@ -11,13 +11,14 @@ def main() -> None:
     """Measure every reward under the resting policy, unless the store has the scales."""
     p = params.load()
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
+    sight = store.sight(held)
 
     def make(path: Path) -> None:
         total = p.calibrate.steps * p.calibrate.worlds
         with console.Progress("Reward scales", total, "agent steps") as progress:
-            artifact.publish(scales.measure(p, encoder.load(held), held.content, progress.update), path)
+            artifact.publish(scales.measure(p, encoder.load(held), sight, progress.update), path)
 
-    store.publish(store.SCALE, scales.digest(p, held.content), paths.SCALES, make)
+    store.publish(store.SCALE, scales.digest(p, sight), paths.SCALES, make)
 
 
 if __name__ == "__main__":

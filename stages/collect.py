@@ -18,7 +18,7 @@ def main() -> None:
         "code": identity.code("mimo.collect"),
         "versions": identity.versions(),
     }
-    digest = identity.digest(inputs)
+    digest = identity.Digest(inputs)
 
     def make(path: Path) -> None:
         total = len(collect.REGIMES) * p.collect.worlds * p.collect.steps

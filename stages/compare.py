@@ -3,7 +3,7 @@
 import sys
 
 from mimo import analysis, artifact, identity, params
-from stages import console, curves, paths, store
+from stages import console, curves, paths, provenance, store
 
 
 def main() -> None:
@@ -17,8 +17,9 @@ def main() -> None:
     for name, stacked in found.items():
         datasets |= curves.datasets(stacked, f"{name}/")
     about = curves.about(p, seeds)
-    digest = identity.digest({"runs": {name: stacked.runs for name, stacked in found.items()}, "about": about})
+    digest = identity.Digest({"runs": {name: stacked.runs for name, stacked in found.items()}, "about": about})
     artifact.write(paths.VARIANT_RESULTS, store.VARIANTS, digest, datasets, about)
+    provenance.note(store.VARIANTS, digest)
 
 
 if __name__ == "__main__":

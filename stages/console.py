@@ -1,10 +1,15 @@
-"""What a person sees of a stage: one progress bar, and faults as sentences with the traceback in a log."""
+"""How a stage runs: alone in its folder, with one progress bar, and faults as sentences with the traceback in a log."""
 
+import ctypes
+import fcntl
+import os
+import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
-from types import TracebackType
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
@@ -23,10 +28,14 @@ class StageError(Fault):
 def main(work: Callable[[], None]) -> int:
     """Run a stage; the exit code is 0 if it succeeded.
 
-    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.LOG.
+    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.LOG. SIGINT and SIGTERM
+    end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
     """
+    signal.signal(signal.SIGTERM, _stop)
+    _end_with_dvc()
     try:
-        work()
+        with alone():
+            work()
     except Fault as fault:
         print(fault, file=sys.stderr)
         return 1
@@ -34,11 +43,60 @@ def main(work: Callable[[], None]) -> int:
         print("Stopped; what was finished is kept.", file=sys.stderr)
         return 130
     except Exception as fault:
-        paths.LOG.parent.mkdir(exist_ok=True)
-        paths.LOG.write_text(traceback.format_exc())
-        print(f"{type(fault).__name__}: {fault} (see {paths.LOG})", file=sys.stderr)
+        print(f"{type(fault).__name__}: {fault}{_logged()}", file=sys.stderr)
         return 1
     return 0
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """One stage at a time in one folder: another waits for it to end, as a lost `dvc repro` may have left one.
+
+    The lock goes with its process, however that ends.
+
+    Raises:
+        StageError: the lock cannot be had, since the folder takes no file.
+    """
+    try:
+        paths.LOCK.parent.mkdir(exist_ok=True)
+        file = paths.LOCK.open("a+")
+    except OSError as fault:
+        raise StageError(f"{paths.LOCK} cannot be opened ({fault.strerror}); mend that, then run again.") from fault
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            holder = file.read().strip() or "another process"
+            print(
+                f"Waiting for {holder}, which works in this folder; end that one if it is not wanted.", file=sys.stderr
+            )
+            fcntl.flock(file, fcntl.LOCK_EX)
+        file.truncate(0)
+        file.write(f"process {os.getpid()} ({' '.join(sys.orig_argv[1:])[:80]})")
+        file.flush()
+        yield
+
+
+def _stop(signum: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _end_with_dvc() -> None:
+    """Have the kernel send SIGTERM when the `dvc repro` that started this stage is gone (Linux)."""
+    if os.environ.get("DVC_STAGE") and sys.platform == "linux":
+        death = 1  # PR_SET_PDEATHSIG of prctl(2)
+        ctypes.CDLL(None).prctl(death, signal.SIGTERM)
+
+
+def _logged() -> str:
+    """Write the traceback to paths.LOG; where, in words, or nothing if even that cannot be written."""
+    try:
+        paths.LOG.parent.mkdir(exist_ok=True)
+        paths.LOG.write_text(traceback.format_exc())
+    except OSError:
+        return ""
+    return f" (see {paths.LOG})"
 
 
 class Progress:

@@ -1,4 +1,4 @@
-"""`python -m stages.effects [--serial]`: joints' effects under the resting policy, reports/effects.json."""
+"""`python -m stages.effects`: joints' effects under the resting policy, reports/effects.json (see `--help`)."""
 
 import json
 import sys
@@ -16,12 +16,13 @@ MEASURED = "effects"  # name of the one dataset, which is JSON
 
 def main() -> None:
     """Measure the worlds that the store lacks, then write all."""
-    serial = sweep.is_serial("python -m stages.effects")
+    crew = sweep.workers("python -m stages.effects")
     p = params.load()
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
+    sight = store.sight(held)
     worlds: dict[str, dict[str, Any]] = {"published": {}} | p.effects.alternatives
     settings = {name: params.changed(p, values) for name, values in worlds.items()}
-    digests = {name: digest(own, held.content) for name, own in settings.items()}
+    digests = {name: digest(own, sight) for name, own in settings.items()}
     todo = {
         name: partial(measure, own, encoder.load(held), digests[name])
         for name, own in settings.items()
@@ -29,8 +30,8 @@ def main() -> None:
     }
     each = len(effects.REGIMES) * p.effects.steps * p.effects.worlds
     with console.Progress("Effects", len(todo) * each, "agent steps") as progress:
-        for name, data in sweep.each(todo, serial) if todo else ():
-            artifact.publish(data, store.place(store.EFFECT, digests[name]))
+        for name, data in sweep.each(todo, crew) if todo else ():
+            store.keep(store.EFFECT, digests[name], data)
             progress.update(progress.done + each)
     found = {name: {"set": values} | read(digests[name]) for name, values in worlds.items()}
     steps = (p.effects.steps - effects.DROPPED) * p.effects.worlds
@@ -50,7 +51,7 @@ def digest(p: params.Params, encoder_hash: str) -> str:
         "code": identity.code("mimo.effects"),
         "versions": identity.versions(),
     }
-    return identity.digest(inputs)
+    return identity.Digest(inputs)
 
 
 def measure(p: params.Params, trained: encoder.Trained, made_from: str) -> bytes:

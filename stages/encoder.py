@@ -4,6 +4,8 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from mimo import artifact, encoder, identity, params, probe, streams
 from stages import console, paths, store
 
@@ -18,19 +20,12 @@ def main() -> None:
         "code": identity.code("mimo.encoder", "mimo.probe", "mimo.streams"),
         "versions": identity.versions(),
     }
-    digest = identity.digest(inputs)
+    digest = identity.Digest(inputs)
 
     def make(path: Path) -> None:
-        cut = round(p.collect.steps * (1 - p.collect.held_out))
-        pairs = frames["frames"][:, :, :cut]
-        with console.Progress("Encoder", p.encoder.iterations, "iterations") as progress:
-            trained = encoder.train(
-                p.encoder,
-                pairs.reshape(-1, *pairs.shape[3:]),
-                streams.generator(p.seed, "free", 0, "encoder"),
-                progress.update,
-            )
-        encoder.save(trained, path, digest, probe.measure(p, trained, frames["frames"], frames["centre_of_mass"], cut))
+        trained = train(p, frames["frames"])
+        measures = probe.measure(p, trained, frames["frames"], frames["centre_of_mass"], _cut(p))
+        encoder.save(trained, path, digest, measures)
 
     store.publish(encoder.SCHEMA, digest, paths.ENCODER, make)
     held = artifact.read(paths.ENCODER, encoder.SCHEMA, digest)
@@ -38,6 +33,23 @@ def main() -> None:
     measures = {n[len(start) :]: float(f"{held[n]:.6g}") for n in held.datasets if n.startswith(start)}
     paths.ENCODER_METRICS.parent.mkdir(exist_ok=True)
     paths.ENCODER_METRICS.write_text(json.dumps(measures, indent=2) + "\n")
+
+
+def train(p: params.Params, frames: np.ndarray) -> encoder.Trained:
+    """An encoder by `p.encoder`, from the frames that are not held out."""
+    pairs = frames[:, :, : _cut(p)]
+    with console.Progress("Encoder", p.encoder.iterations, "iterations") as progress:
+        return encoder.train(
+            p.encoder,
+            pairs.reshape(-1, *pairs.shape[3:]),
+            streams.generator(p.seed, "free", 0, "encoder"),
+            progress.update,
+        )
+
+
+def _cut(p: params.Params) -> int:
+    """The first step that is held out."""
+    return round(p.collect.steps * (1 - p.collect.held_out))
 
 
 if __name__ == "__main__":

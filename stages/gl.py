@@ -5,15 +5,17 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+
+from stages import paths
 
 PACKAGES = ("libegl1", "libgl1-mesa-dri")  # EGL itself, and Mesa's drivers behind it
-LOG = Path(".work/gl.log")
+LOG = paths.STORE / "gl.log"
 SECONDS = 120  # a first picture takes 2 s; a machine this slow is a broken one
 
 # A real picture, by the way the eye takes: the renderer, the off-screen buffer, the pixels.
 PROBE = """
 import mujoco
+from OpenGL.GL import GL_RENDERER, GL_VERSION, glGetString
 model = mujoco.MjModel.from_xml_string(
     '<mujoco><visual><quality shadowsize="0" offsamples="0"/></visual>'
     '<worldbody><light pos="0 0 3"/><geom type="plane" size="1 1 .1"/></worldbody></mujoco>'
@@ -23,11 +25,12 @@ mujoco.mj_forward(model, data)
 with mujoco.Renderer(model, 16, 16) as renderer:
     renderer.update_scene(data)
     assert renderer.render().any(), "the picture is black"
+    print(*(glGetString(name).decode() for name in (GL_RENDERER, GL_VERSION)), sep=", ")
 """
 
 
 def draws() -> bool:
-    """Draw a 16x16 picture; a traceback goes to LOG.
+    """Draw a 16x16 picture; what draws goes to paths.RENDERER, a traceback to LOG.
 
     In a process of its own: a GL library that was missing at import stays missing there, even once it is installed.
     """
@@ -39,7 +42,10 @@ def draws() -> bool:
         return False
     if done.returncode:
         _log(done.stderr)
-    return done.returncode == 0
+        return False
+    paths.RENDERER.parent.mkdir(exist_ok=True)
+    paths.RENDERER.write_text(done.stdout.splitlines()[-1] + "\n")
+    return True
 
 
 def install() -> bool:

@@ -11,7 +11,10 @@ RESULTS = Path("data/results.h5")
 VARIANT_MANIFESTS = Path("data/variant-manifests")
 VARIANTS = Path("data/variants")
 VARIANT_RESULTS = Path("data/variants.h5")
+TRIAL = Path("data/trial.h5")
 
+ARTIFACTS = Path("reports/artifacts.json")
+PUBLISHED_ON = Path("reports/published-on.json")
 METRICS = Path("reports/metrics.json")
 ENCODER_METRICS = Path("reports/encoder.json")
 EFFECTS = Path("reports/effects.json")
@@ -22,7 +25,10 @@ FIGURES = Path("reports/figures")
 REPORT = Path("reports/index.html")
 
 STORE = Path(".work")  # content-addressed, one folder a kind
-LOG = Path(".work/error.log")
+LOG = STORE / "error.log"
+LOCK = STORE / "lock"
+PROVENANCE = STORE / "provenance.jsonl"
+RENDERER = STORE / "renderer.txt"  # what draws, by stages.gl
 
 
 def manifest(condition: str, reward: str) -> Path:

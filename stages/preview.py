@@ -98,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.prepare_only:
         print(f"Prepared {options.folder}.")
         return 0
-    code = _dvc(["repro"], options.folder)
+    code = dvc(["repro"], options.folder)
     if code:
         print(f"The preview in {options.folder} failed; what went wrong is above.", file=sys.stderr)
         return code
@@ -167,12 +167,12 @@ def _walk(folder: Path, leave_out: set[str]) -> Iterator[Path]:
 def _init_dvc(folder: Path) -> None:
     """A DVC project of its own, with its own cache: nothing of the preview enters the published one's."""
     config = folder / ".dvc" / "config"
-    if not config.is_file() and _dvc(["init", "--no-scm", "--quiet"], folder):
+    if not config.is_file() and dvc(["init", "--no-scm", "--quiet"], folder):
         raise PreviewError(f"DVC cannot be set up in {folder}; see its message above.")
     config.write_text(DVC_CONFIG)
 
 
-def _dvc(arguments: list[str], folder: Path) -> int:
+def dvc(arguments: list[str], folder: Path = Path()) -> int:
     """Run DVC in `folder`; `python` in its commands is the interpreter that runs this."""
     path = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
     environment = os.environ | {"PATH": path, "DVC_NO_ANALYTICS": "1"}

@@ -26,7 +26,7 @@ def digest(p: Params, encoder_hash: str) -> str:
         "code": identity.code("mimo.calibrate"),
         "versions": identity.versions(),
     }
-    return identity.digest(inputs)
+    return identity.Digest(inputs)
 
 
 def measure(

@@ -8,10 +8,15 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from mimo import artifact
-from stages import paths
+from stages import paths, provenance
 
 # Kinds of artifact, as their schemas call them.
 FRAME, SCALE, EFFECT, RUN, RESULTS, VARIANTS = "frame", "scale", "effect", "run", "results", "variants"
+
+
+def sight(held: artifact.Artifact) -> str:
+    """What runs and scales read of the encoder, as a hash: weights and latent, not how well they measured."""
+    return artifact.part(held, "weights/", "latent/")
 
 
 def place(schema: str, digest: str) -> Path:
@@ -41,12 +46,18 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
     return False
 
 
+def keep(schema: str, digest: str, data: bytes) -> None:
+    """Take in the file of an artifact that was just computed."""
+    artifact.publish(data, place(schema, digest))
+    provenance.note(schema, digest)
+
+
 def publish(schema: str, digest: str, target: Path, make: Callable[[Path], object]) -> bool:
     """Put the artifact at `target`, from the store if it is there, else by `make(path)`; True if it was made."""
     made = not has(schema, digest)
     path = place(schema, digest)
     if made:
-        path.parent.mkdir(parents=True, exist_ok=True)
         make(path)
+        provenance.note(schema, digest)
     artifact.copy(path, target)
     return made

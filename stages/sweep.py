@@ -4,10 +4,11 @@ A sweep is a grid of the paper's own runs, or one grid for each variant of the p
 """
 
 import argparse
-import fcntl
+import itertools
 import json
 import logging
 import os
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,7 +26,9 @@ from stages import console, paths, store
 
 POLL_SECONDS = 1.0
 RETRIES = 3  # of a chunk whose worker died
+STARTS = 3  # of Ray, at most
 OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
+SERIAL = 0  # workers: none, this process computes
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,21 @@ class Job:
     grids: Mapping[str, Grid]
 
 
-def is_serial(program: str) -> bool:
-    """Whether the command line says --serial."""
-    parser = argparse.ArgumentParser(prog=program)
-    parser.add_argument("--serial", action="store_true", help="in this process, without Ray; the same bytes")
-    return bool(parser.parse_args().serial)
+def workers(program: str) -> int | None:
+    """How many workers the command line asks for: SERIAL for --serial, None for one a CPU."""
+    parser = argparse.ArgumentParser(prog=program, epilog="The bytes are the same in any case.")
+    asked = parser.add_mutually_exclusive_group()
+    asked.add_argument("--serial", action="store_true", help="in this process, without Ray")
+    asked.add_argument("--workers", type=int, metavar="N", help="Ray workers on this machine (default: one a CPU)")
+    given = parser.parse_args()
+    if given.workers is not None and given.workers < 1:
+        parser.error("--workers must be at least 1")
+    return SERIAL if given.serial else given.workers
+
+
+def grid(p: Params) -> Grid:
+    """The paper's own runs."""
+    return Grid(p, scales(paths.SCALES), tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds)
 
 
 def scales(path: Path, digest: str | None = None) -> dict[str, float]:
@@ -90,19 +103,19 @@ def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> encoder.Tra
     return replace(found, quantiles=found.quantiles * np.float32(p.encoder.latent_sd / latent_sd))
 
 
-def complete(job: Job, size: int, serial: bool) -> list[Run]:
-    """Compute the runs that are missing, in chunks of `size`; returns all runs of the job.
+def complete(job: Job, size: int, crew: int | None) -> list[Run]:
+    """Compute the runs that are missing, in chunks of `size`, by `crew` workers; returns all runs of the job.
 
     Raises:
         console.StageError: some failed; the others are kept.
     """
-    wanted = runs(job, artifact.from_bytes(job.encoder, encoder.SCHEMA, source=paths.ENCODER).content)
-    total, todo = len({run.digest for run in wanted}), missing(wanted)
+    all_runs = wanted(job)
+    total, todo = len({run.digest for run in all_runs}), missing(all_runs)
     print(f"{total} runs, {total - len(todo)} of them in the store.", flush=True)
-    failed = compute(job, chunks(todo, size), serial) if todo else []
+    failed = compute(job, chunks(todo, size), crew) if todo else []
     if failed:
         raise console.StageError("\n".join([*failed, f"{len(failed)} of {total} runs failed; the others are kept."]))
-    return wanted
+    return all_runs
 
 
 def write_manifest(path: Path, listed: list[Run]) -> None:
@@ -112,8 +125,9 @@ def write_manifest(path: Path, listed: list[Run]) -> None:
     path.write_text(json.dumps(entries, indent=1) + "\n")
 
 
-def runs(job: Job, encoder_hash: str) -> list[Run]:
+def wanted(job: Job) -> list[Run]:
     """All runs of the job, by variant, condition, reward and seed."""
+    encoder_hash = store.sight(artifact.from_bytes(job.encoder, encoder.SCHEMA, source=paths.ENCODER))
     return [
         run
         for variant, grid in job.grids.items()
@@ -126,13 +140,13 @@ def runs_of(job: Job, encoder_hash: str, variant: str, condition: str, reward: s
     """The runs of one cell, with the digests that the code on this machine gives them."""
     grid = job.grids[variant]
     made_from = (experiment.inputs(grid.params, condition, reward, seed, encoder_hash, grid.scales) for seed in seeds)
-    return [Run(condition, reward, read["seed"], identity.digest(read), variant) for read in made_from]
+    return [Run(condition, reward, read["seed"], identity.Digest(read), variant) for read in made_from]
 
 
-def missing(wanted: list[Run]) -> list[Run]:
+def missing(listed: list[Run]) -> list[Run]:
     """The runs that neither the store nor data/ holds, each digest once; those of data/ are taken into the store."""
     found = {}
-    for run in wanted:
+    for run in listed:
         cell = (run.condition, run.reward, run.seed)
         published = [paths.run(*cell, run.variant), paths.run(*cell)]
         if run.digest not in found and not store.has(store.RUN, run.digest, elsewhere=published):
@@ -140,20 +154,20 @@ def missing(wanted: list[Run]) -> list[Run]:
     return list(found.values())
 
 
-def chunks(wanted: list[Run], size: int) -> list[Chunk]:
+def chunks(todo: list[Run], size: int) -> list[Chunk]:
     """Runs of one cell together, at most `size`.
 
     Low seeds of every cell come first, so that an early look sees all cells; then those with outcome models, which
     take longest.
     """
     cells: dict[tuple[str, str, str], list[Run]] = {}
-    for run in wanted:
+    for run in todo:
         cells.setdefault((run.variant, run.condition, run.reward), []).append(run)
     found = [Chunk(tuple(cell[i : i + size])) for cell in cells.values() for i in range(0, len(cell), size)]
     return sorted(found, key=lambda chunk: (chunk.runs[0].seed, not rewards.needs_outcomes(chunk.runs[0].reward)))
 
 
-def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
+def compute(job: Job, todo: list[Chunk], crew: int | None) -> list[str]:
     """Compute all chunks into the store.
 
     A chunk that fails is tried again seed by seed, so that one bad run costs no other.
@@ -161,13 +175,13 @@ def compute(job: Job, todo: list[Chunk], serial: bool) -> list[str]:
     Args:
         job: what the chunks need.
         todo: the chunks.
-        serial: in this process, without Ray; the bytes are the same.
+        crew: how many workers; None for one a CPU, SERIAL for this process, without Ray. The bytes are the same.
 
     Returns:
         A sentence for each run that failed.
     """
-    with _lock(), console.Progress("Runs", sum(_steps(job, chunk) for chunk in todo), "agent steps") as progress:
-        return (_serial if serial else _on_ray)(job, todo, progress)
+    with console.Progress("Runs", sum(_steps(job, chunk) for chunk in todo), "agent steps") as progress:
+        return _serial(job, todo, progress) if crew == SERIAL else _on_ray(job, todo, crew, progress)
 
 
 def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
@@ -176,7 +190,7 @@ def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
     grid, condition, reward = job.grids[first.variant], first.condition, first.reward
     held = artifact.from_bytes(job.encoder, encoder.SCHEMA)
     seeds = [run.seed for run in chunk.runs]
-    if runs_of(job, held.content, first.variant, condition, reward, seeds) != list(chunk.runs):
+    if runs_of(job, store.sight(held), first.variant, condition, reward, seeds) != list(chunk.runs):
         raise console.StageError("the code or the libraries changed after the sweep began; run it again")
     sight = trained(held, job.latent_sd, grid.params)
     done = experiment.Experiment(grid.params, condition, reward, seeds, sight, grid.scales).run(report)
@@ -187,7 +201,7 @@ def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
     ]
 
 
-def each(todo: Mapping[str, Callable[[], bytes]], serial: bool) -> Iterator[tuple[str, bytes]]:
+def each(todo: Mapping[str, Callable[[], bytes]], crew: int | None) -> Iterator[tuple[str, bytes]]:
     """Each task's name and result as soon as it is done, from Ray or, one by one, from this process.
 
     One task alone stays in this process: Ray would take longer to start than it saves.
@@ -202,15 +216,14 @@ def each(todo: Mapping[str, Callable[[], bytes]], serial: bool) -> Iterator[tupl
         except Exception as fault:
             raise console.StageError(f"{name}: {_logged(fault)[1]}") from fault
 
-    with _lock():
-        if serial or len(todo) == 1:
-            yield from (result(name, task) for name, task in todo.items())
-            return
-        with _local_ray():
-            flying = {_call.remote(task): name for name, task in todo.items()}
-            while flying:
-                (ready,), _ = ray.wait(list(flying))
-                yield result(flying.pop(ready), ray.get, ready)
+    if crew == SERIAL or len(todo) == 1:
+        yield from (result(name, task) for name, task in todo.items())
+        return
+    with _local_ray(crew):
+        flying = {_call.remote(task): name for name, task in todo.items()}
+        while flying:
+            (ready,), _ = ray.wait(list(flying))
+            yield result(flying.pop(ready), ray.get, ready)
 
 
 class _Tally:
@@ -248,7 +261,7 @@ def _of(run: Run) -> str:
 
 def _keep(chunk: Chunk, files: list[bytes]) -> None:
     for run, data in zip(chunk.runs, files, strict=True):
-        artifact.publish(data, store.place(store.RUN, run.digest))
+        store.keep(store.RUN, run.digest, data)
 
 
 def _apart(chunk: Chunk) -> list[Chunk]:
@@ -303,9 +316,9 @@ def _call(task: Callable[[], bytes]) -> bytes:
     return task()
 
 
-def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
+def _on_ray(job: Job, todo: list[Chunk], crew: int | None, progress: console.Progress) -> list[str]:
     tally, failed = _Tally(job, todo, progress), []
-    with _local_ray():
+    with _local_ray(crew):
         board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
         flying: dict[Any, Chunk] = {_remote.remote(shared, chunk, board): chunk for chunk in todo}
         while flying:
@@ -330,18 +343,29 @@ def _on_ray(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str
 
 
 @contextmanager
-def _local_ray() -> Iterator[None]:
+def _local_ray(crew: int | None = None) -> Iterator[None]:
     """A Ray for this process, on loopback (see stages/__init__.py), without dashboard; it ends with the block."""
     if os.environ.get("RAY_ADDRESS"):
         raise console.StageError("RAY_ADDRESS is set, but this version computes on one machine only; unset it.")
+    on_sigterm = signal.getsignal(signal.SIGTERM)
     try:
-        ray.init(
-            address="local",
-            include_dashboard=False,
-            log_to_driver=False,
-            logging_level=logging.ERROR,
-            object_store_memory=OBJECT_STORE,
-        )
+        for left in reversed(range(STARTS)):
+            try:
+                ray.init(
+                    address="local",
+                    num_cpus=crew,
+                    include_dashboard=False,
+                    log_to_driver=False,
+                    logging_level=logging.ERROR,
+                    object_store_memory=OBJECT_STORE,
+                )
+                break
+            except Exception as fault:  # on a machine under load its daemons may miss Ray's own time limit
+                ray.shutdown()
+                if not left:
+                    said = "Ray did not start; run it again when the machine is less busy, or with --serial"
+                    raise console.StageError(f"{said} ({_logged(fault)[1]}).") from fault
+        signal.signal(signal.SIGTERM, on_sigterm)  # Ray puts one of its own in place
         yield
     finally:
         ray.shutdown()
@@ -360,22 +384,3 @@ def _logged(fault: Exception) -> tuple[BaseException, str]:
         log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
     return cause, (str(cause).strip().splitlines() or [type(cause).__name__])[-1]
-
-
-@contextmanager
-def _lock() -> Iterator[None]:
-    """One sweep at a time on one store; the lock goes with its process, however that ends."""
-    path = paths.STORE / "sweep.lock"
-    path.parent.mkdir(exist_ok=True)
-    with path.open("a+") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.seek(0)
-            raise console.StageError(
-                f"Another sweep (process {file.read().strip() or '?'}) works on {paths.STORE}; wait for it to end."
-            ) from None
-        file.truncate(0)
-        file.write(str(os.getpid()))
-        file.flush()
-        yield

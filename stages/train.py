@@ -1,6 +1,5 @@
-"""`python -m stages.train [--serial]`: every run of the sweep into the store, and a manifest for each cell."""
+"""`python -m stages.train`: every run of the sweep into the store, and a manifest for each cell (see `--help`)."""
 
-import itertools
 import shutil
 import sys
 
@@ -10,18 +9,17 @@ from stages import console, paths, sweep
 
 def main() -> None:
     """Compute the runs that are missing, then write the manifests."""
-    serial = sweep.is_serial("python -m stages.train")
+    crew = sweep.workers("python -m stages.train")
     p = params.load()
-    cells = tuple(itertools.product(p.sweep.conditions, p.sweep.rewards))
-    grid = sweep.Grid(p, sweep.scales(paths.SCALES), cells, p.sweep.seeds)
-    runs = sweep.complete(sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": grid}), p.sweep.chunk, serial)
-    _drop_other_cells(set(cells))
+    grid = sweep.grid(p)
+    runs = sweep.complete(sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": grid}), p.sweep.chunk, crew)
+    _drop_other_cells(set(grid.cells))
     shutil.rmtree(paths.MANIFESTS, ignore_errors=True)
-    for cell in cells:
+    for cell in grid.cells:
         sweep.write_manifest(paths.manifest(*cell), [run for run in runs if (run.condition, run.reward) == cell])
 
 
-def _drop_other_cells(cells: set[tuple[params.Condition, str]]) -> None:
+def _drop_other_cells(cells: set[tuple[str, str]]) -> None:
     """Cells that left the sweep would else stay in data/runs, and in what hangs on it."""
     for folder in paths.RUNS.glob("*/*"):
         if (folder.parent.name, folder.name) not in cells:

@@ -1,4 +1,4 @@
-"""`python -m stages.vary [--serial]`: scales and runs of every variant into the store, and a manifest for each."""
+"""`python -m stages.vary`: scales and runs of every variant into the store, and a manifest for each (see `--help`)."""
 
 import shutil
 import sys
@@ -10,18 +10,19 @@ from stages import console, paths, scales, store, sweep
 
 def main() -> None:
     """Compute what is missing of the variants, then write their manifests."""
-    serial = sweep.is_serial("python -m stages.vary")
+    crew = sweep.workers("python -m stages.vary")
     p = params.load()
     file = paths.ENCODER.read_bytes()
     held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
     settings = {name: params.varied(p, name) for name in p.sweeps.variants}
-    digests = {name: scales.digest(own, held.content) for name, own in settings.items()}
-    _measure(p, held, settings, digests, serial)
+    sight = store.sight(held)
+    digests = {name: scales.digest(own, sight) for name, own in settings.items()}
+    _measure(p, held, settings, digests, crew)
     grids = {}
     for name, variant in p.sweeps.variants.items():
         own = sweep.scales(store.place(store.SCALE, digests[name]), digests[name])
         grids[name] = sweep.Grid(settings[name], own, variant.pairs, p.sweeps.seeds)
-    runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, serial)
+    runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, crew)
     _drop_other_variants(set(grids))
     shutil.rmtree(paths.VARIANT_MANIFESTS, ignore_errors=True)
     for name in grids:
@@ -33,13 +34,13 @@ def _measure(
     held: artifact.Artifact,
     settings: dict[str, params.Params],
     digests: dict[str, str],
-    serial: bool,
+    crew: int | None,
 ) -> None:
     """All scales that the store lacks; a variant that changes nothing they depend on finds the published ones."""
     names = {digest: name for name, digest in digests.items()}  # of variants with the same scales, one
     todo = {
         name: partial(
-            scales.measure, settings[name], sweep.trained(held, p.encoder.latent_sd, settings[name]), held.content
+            scales.measure, settings[name], sweep.trained(held, p.encoder.latent_sd, settings[name]), store.sight(held)
         )
         for digest, name in names.items()
         if not store.has(store.SCALE, digest, elsewhere=[paths.SCALES])
@@ -48,8 +49,8 @@ def _measure(
         return
     steps = p.calibrate.steps * p.calibrate.worlds
     with console.Progress("Reward scales", len(todo) * steps, "agent steps") as progress:
-        for name, data in sweep.each(todo, serial):
-            artifact.publish(data, store.place(store.SCALE, digests[name]))
+        for name, data in sweep.each(todo, crew):
+            store.keep(store.SCALE, digests[name], data)
             progress.update(progress.done + steps)
 
 

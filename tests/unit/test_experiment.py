@@ -379,7 +379,7 @@ def test_diverged_physics_stop_the_run(
 
 
 def digest(p: Params, condition: str, reward: str, scales: dict[str, float], seed: int = 0, encoder: str = "e") -> str:
-    return identity.digest(inputs(p, condition, reward, seed, encoder, scales))
+    return identity.Digest(inputs(p, condition, reward, seed, encoder, scales))
 
 
 Place = tuple[str, ...]

@@ -143,9 +143,9 @@ def test_this_package_reaches_rewards_through_the_registry_alone() -> None:
 
 
 def test_the_same_in_another_process() -> None:
-    script = "from mimo import identity; print(identity.digest(identity.code('mimo.streams') | identity.versions()))"
+    script = "from mimo import identity; print(identity.Digest(identity.code('mimo.streams') | identity.versions()))"
     run = subprocess.run([sys.executable, "-c", script], cwd=identity.ROOT, capture_output=True, check=True, text=True)
-    assert run.stdout.strip() == identity.digest(identity.code("mimo.streams") | identity.versions())
+    assert run.stdout.strip() == identity.Digest(identity.code("mimo.streams") | identity.versions())
 
 
 def test_canonical_is_one_spelling() -> None:
@@ -156,15 +156,15 @@ def test_canonical_is_one_spelling() -> None:
     assert identity.canonical({"b": (1, 2.5), "a": Point(x=0, tags=("é",))}) == (
         b'{"a":{"tags":["\\u00e9"],"x":0.0},"b":[1,2.5]}'
     )
-    assert identity.digest({"a": 1, "b": {"c": 2, "d": 3}}) == identity.digest({"b": {"d": 3, "c": 2}, "a": 1})
-    assert identity.digest({"a": np.float64(0.1), "b": np.int32(3)}) == identity.digest({"a": 0.1, "b": 3})
+    assert identity.Digest({"a": 1, "b": {"c": 2, "d": 3}}) == identity.Digest({"b": {"d": 3, "c": 2}, "a": 1})
+    assert identity.Digest({"a": np.float64(0.1), "b": np.int32(3)}) == identity.Digest({"a": 0.1, "b": 3})
     # SHA-256 of '{"a":1}', as `printf '{"a":1}' | sha256sum` gives it.
-    assert identity.digest({"a": 1}) == "015abd7f5cc57a2dd94b7590f04ad8084273905ee33ec5cebeae62276a97f862"
+    assert identity.Digest({"a": 1}) == "015abd7f5cc57a2dd94b7590f04ad8084273905ee33ec5cebeae62276a97f862"
 
 
 def test_types_count() -> None:
     values = (1, 1.0, True, "1", None, [1], -0.0, 0.0)
-    assert len({identity.digest({"x": value}) for value in values}) == len(values)
+    assert len({identity.Digest({"x": value}) for value in values}) == len(values)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,7 @@
 
 import itertools
 import json
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,13 +19,6 @@ from stages import console, paths, store, sweep
 from stages.sweep import Chunk, Grid, Job, Run
 
 ROOT = Path(__file__).resolve().parents[2]
-HOLD = """
-import sys
-from stages import sweep
-with sweep._lock():
-    print("held", flush=True)
-    sys.stdin.read()
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -59,10 +50,6 @@ def with_variants(job: Job) -> Job:
     return replace(job, grids={"": own, "same": replace(own, cells=(("free", "cais"),)), "greedy": greedy})
 
 
-def wanted(job: Job) -> list[Run]:
-    return sweep.runs(job, artifact.from_bytes(job.encoder, SCHEMA).content)
-
-
 def kept() -> dict[str, bytes]:
     """The store's runs by digest."""
     return {path.stem: path.read_bytes() for path in (paths.STORE / "runs").glob("*")}
@@ -76,20 +63,20 @@ def write(run: Run, path: Path) -> None:
 
 
 def test_runs_are_all_of_the_sweep_in_order(job: Job) -> None:
-    made = wanted(job)
+    made = sweep.wanted(job)
     assert [(run.condition, run.reward, run.seed) for run in made] == [
         ("free", "mtl", 0), ("free", "mtl", 1), ("free", "cais", 0), ("free", "cais", 1)
     ]  # fmt: skip
     assert len({run.digest for run in made}) == 4
     own = job.grids[""]
     wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=3)
-    more = wanted(replace(job, grids={"": wider}))
+    more = sweep.wanted(replace(job, grids={"": wider}))
     assert len(more) == 12
     assert set(made) <= set(more)
 
 
 def test_variants_share_the_runs_that_their_change_does_not_reach(job: Job) -> None:
-    runs = wanted(with_variants(job))
+    runs = sweep.wanted(with_variants(job))
     assert [(run.variant, run.reward, run.seed) for run in runs[4:]] == [
         ("same", "cais", 0), ("same", "cais", 1), ("greedy", "mtl", 0), ("greedy", "mtl", 1)
     ]  # fmt: skip
@@ -137,13 +124,13 @@ def test_a_chunk_is_named_for_people() -> None:
 
 
 def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
-    runs = wanted(job)
+    runs = sweep.wanted(job)
     assert sweep.missing(runs) == runs
     write(runs[0], store.place(store.RUN, runs[0].digest))
     write(runs[1], paths.run("free", "mtl", 1))
     write(runs[1], paths.run("free", "cais", 0))  # another run's file
     assert sweep.missing(runs) == runs[2:]
-    greedy = wanted(with_variants(job))[6:]
+    greedy = sweep.wanted(with_variants(job))[6:]
     write(greedy[0], paths.run("free", "mtl", 0, "greedy"))
     assert sweep.missing(greedy) == greedy[1:]
     assert sweep.missing([replace(runs[1], variant="same")]) == []
@@ -165,13 +152,13 @@ def test_ray_and_this_process_give_the_same_bytes_and_the_same_faults(
     own = job.grids[""]
     odd = replace(own, scales={**own.scales, "surprise": 1e-320}, cells=(*own.cells, ("free", "surprise")))
     job = replace(job, grids={"": odd, "greedy": job.grids["greedy"]})
-    runs = wanted(job)
+    runs = sweep.wanted(job)
     good = {run.digest for run in runs if run.reward != "surprise"}
     files, faults = [], []
-    for serial, size in ((True, 1), (False, 2)):
+    for crew, size in ((sweep.SERIAL, 1), (None, 2)):
         (tmp_path / str(size)).mkdir()
         monkeypatch.chdir(tmp_path / str(size))
-        faults.append(sorted(sweep.compute(job, sweep.chunks(runs, size), serial)))
+        faults.append(sorted(sweep.compute(job, sweep.chunks(runs, size), crew)))
         files.append(kept())
         assert set(files[-1]) == good
         assert [run.reward for run in sweep.missing(runs)] == ["surprise", "surprise"]
@@ -194,7 +181,7 @@ def test_chunks_of_one_and_of_two_are_the_same_bytes(job: Job, tmp_path: Path, m
     for size in (1, 2):
         (tmp_path / str(size)).mkdir()
         monkeypatch.chdir(tmp_path / str(size))
-        assert sweep.compute(job, sweep.chunks(wanted(job), size), serial=True) == []
+        assert sweep.compute(job, sweep.chunks(sweep.wanted(job), size), crew=sweep.SERIAL) == []
         files.append(kept())
     assert len(files[0]) == 4
     assert files[0] == files[1]
@@ -207,19 +194,19 @@ def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trai
     assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
 
 
-@pytest.mark.parametrize("serial", [True, False])
-def test_tasks_come_with_their_names_and_a_fault_by_its_name(serial: bool) -> None:
+@pytest.mark.parametrize("crew", [sweep.SERIAL, None])
+def test_tasks_come_with_their_names_and_a_fault_by_its_name(crew: int | None) -> None:
     tasks: dict[str, Callable[[], bytes]] = {name: partial(str.encode, name) for name in ("one", "two")}
     found: list[tuple[str, bytes]] = []
     with pytest.raises(console.StageError, match=r"^bad: .*no-such"):
-        found.extend(sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, serial))
+        found.extend(sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, crew))
     assert set(found) <= {("one", b"one"), ("two", b"two")}
-    assert not serial or len(found) == 2
-    assert sweep.compute(Job(b"", 1.0, {}), [], serial=True) == []  # the lock went with it
+    assert crew is None or len(found) == 2
+    assert sweep.compute(Job(b"", 1.0, {}), [], crew=sweep.SERIAL) == []
 
 
 def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:
-    runs = wanted(with_variants(job))[6:]
+    runs = sweep.wanted(with_variants(job))[6:]
     for run in runs:
         write(run, store.place(store.RUN, run.digest))
     path = Path("data/some/greedy.json")
@@ -241,8 +228,8 @@ def test_one_bad_seed_costs_no_other(job: Job, monkeypatch: pytest.MonkeyPatch) 
         return [run.digest.encode() for run in chunk.runs]
 
     monkeypatch.setattr(sweep, "work", work)
-    runs = wanted(job)
-    assert sweep.compute(job, sweep.chunks(runs, 2), serial=True) == ["free, mtl, seed 1: it slipped"]
+    runs = sweep.wanted(job)
+    assert sweep.compute(job, sweep.chunks(runs, 2), crew=sweep.SERIAL) == ["free, mtl, seed 1: it slipped"]
     assert set(kept()) == {runs[0].digest, runs[2].digest, runs[3].digest}
     assert sorted(tried) == ["free, cais, seed 0, 1", "free, mtl, seed 0", "free, mtl, seed 0, 1", "free, mtl, seed 1"]
 
@@ -254,39 +241,15 @@ def test_an_interrupt_keeps_what_is_finished(job: Job, monkeypatch: pytest.Monke
         return [run.digest.encode() for run in chunk.runs]
 
     monkeypatch.setattr(sweep, "work", work)
-    runs = wanted(job)
+    runs = sweep.wanted(job)
     with pytest.raises(KeyboardInterrupt):
-        sweep.compute(job, sweep.chunks(runs, 1), serial=True)
+        sweep.compute(job, sweep.chunks(runs, 1), crew=sweep.SERIAL)
     assert len(kept()) == 1
-    assert sweep.compute(job, [], serial=True) == []  # the lock went with it
-
-
-# One sweep at a time.
-
-
-@pytest.fixture
-def other() -> Iterator["subprocess.Popen[str]"]:
-    """Another process that holds the store's lock."""
-    command = [sys.executable, "-c", HOLD]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "held\n"
-        yield process
-        process.kill()
-
-
-def test_a_second_sweep_is_refused(other: "subprocess.Popen[str]", job: Job) -> None:
-    with pytest.raises(console.StageError, match=rf"process {other.pid}\) works on \.work; wait"):
-        sweep.compute(job, [], serial=True)
-    with pytest.raises(console.StageError, match=rf"process {other.pid}\)"):  # the refusal did not wipe the name
-        sweep.compute(job, [], serial=False)
-    other.kill()
-    other.wait()
-    assert sweep.compute(job, [], serial=True) == []
+    assert sweep.compute(job, [], crew=sweep.SERIAL) == []
 
 
 def test_a_cluster_is_refused_in_a_sentence(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:6379")
     with pytest.raises(console.StageError, match="RAY_ADDRESS is set"):
-        sweep.compute(job, sweep.chunks(wanted(job), 1), serial=False)
+        sweep.compute(job, sweep.chunks(sweep.wanted(job), 1), crew=None)
     assert not kept()

@@ -145,18 +145,21 @@ def content(path: str | Path) -> str:
     Raises:
         ArtifactError: the file is missing or states none.
     """
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            return str(_attributes(file)["content"])
-    except FileNotFoundError:
-        raise _refusal(path, "is missing") from None
-    except Exception as fault:
-        raise _refusal(path, f"states no content hash ({_brief(fault)})") from fault
+    return _stated(path, "content")
 
 
 def part(held: Artifact, *starts: str) -> str:
     """SHA-256 over the datasets whose names begin with one of `starts`, for what depends on them alone."""
     return _hash(held.schema, {name: data for name, data in held.datasets.items() if name.startswith(starts)}, {})
+
+
+def schema(path: str | Path) -> str:
+    """The schema that the file states; nothing is verified.
+
+    Raises:
+        ArtifactError: the file is missing or states none.
+    """
+    return _stated(path, "schema")
 
 
 def publish(data: bytes, path: str | Path) -> None:
@@ -340,6 +343,16 @@ def _hash(schema: str, datasets: Mapping[str, Dataset], about: About) -> str:
         total.update(canonical(line) + b"\n")
         total.update(values.data)
     return total.hexdigest()
+
+
+def _stated(path: str | Path, key: str) -> str:
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return str(_attributes(file)[key])
+    except FileNotFoundError:
+        raise _refusal(path, "is missing") from None
+    except Exception as fault:
+        raise _refusal(path, f"is no artifact of this project: it states no {key} ({_brief(fault)})") from fault
 
 
 def _load(path: Path) -> bytes:

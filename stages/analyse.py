@@ -17,6 +17,7 @@ PLOTTED = ("move_probability", "reward", "q_move", "influence")
 def main() -> None:
     """Read every run of the sweep, write what comes of them."""
     p = params.load()
+    held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, store.SCALE)
     phases = curves.phases(p)
     windows = analysis.windows(phases)
     pairs = list(itertools.product(p.sweep.conditions, p.sweep.rewards))
@@ -28,8 +29,6 @@ def main() -> None:
         paths.RESULTS, store.RESULTS, digest, curves.datasets(stacked) | curves.ends(windows), about
     )
     provenance.note(store.RESULTS, digest)
-
-    held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, store.SCALE)
     metrics: dict[str, Any] = {
         "runs": len(stacked.runs),
         "limb": p.protocol.limb,

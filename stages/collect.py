@@ -10,15 +10,7 @@ from stages import console, paths, store
 def main() -> None:
     """Collect frames under the resting policy, unless the store has them."""
     p = params.load()
-    inputs = {
-        "params": {name: getattr(p, name).model_dump() for name in ("conditions", "world")}
-        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
-        | {name: getattr(p.collect, name) for name in ("worlds", "steps", "pair_updates")}
-        | {"seed": p.seed, "move_bias": p.agent.move_bias, "temperature": p.agent.temperature},
-        "code": identity.code("mimo.collect"),
-        "versions": identity.versions(),
-    }
-    digest = identity.Digest(inputs)
+    digest = made_from(p)
 
     def make(path: Path) -> None:
         total = len(collect.REGIMES) * p.collect.worlds * p.collect.steps
@@ -32,6 +24,19 @@ def main() -> None:
         artifact.write(path, store.FRAME, digest, datasets, {"regimes": regimes})
 
     store.publish(store.FRAME, digest, paths.FRAMES, make)
+
+
+def made_from(p: params.Params) -> identity.Digest:
+    """The digest of all that the frames depend on."""
+    inputs = {
+        "params": {name: getattr(p, name).model_dump() for name in ("conditions", "world")}
+        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
+        | {name: getattr(p.collect, name) for name in ("worlds", "steps", "pair_updates")}
+        | {"seed": p.seed, "move_bias": p.agent.move_bias, "temperature": p.agent.temperature},
+        "code": identity.code("mimo.collect"),
+        "versions": identity.versions(),
+    }
+    return identity.Digest(inputs)
 
 
 if __name__ == "__main__":

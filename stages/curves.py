@@ -1,7 +1,9 @@
 """From published runs to curves stacked over seeds, and these as datasets: of the paper's own cells, or a variant's."""
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -54,15 +56,19 @@ def read(
         variant: empty for the paper's own.
 
     Raises:
-        console.StageError: a run has another length than `p` asks for.
+        console.StageError: a run has another length than `p` asks for, or a manifest cannot be read.
+        artifact.ArtifactError: a file is damaged, or not the run that the manifest lists for its place.
     """
+    pairs = list(pairs)
+    listed = _digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
     limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
     steps = phases(p)["extinction"].stop
     stacked = Stacked({}, {}, {})
     for condition, reward in pairs:
         found = []
         for seed in range(seeds):
-            run = artifact.read(paths.run(condition, reward, seed, variant), store.RUN)
+            path = paths.run(condition, reward, seed, variant)
+            run = artifact.read(path, store.RUN, listed.get(path))
             record = {name: dataset.values for name, dataset in run.datasets.items()}
             if len(record["reward"]) != steps:
                 raise console.StageError(
@@ -93,6 +99,18 @@ def ends(windows: Mapping[str, slice]) -> dict[str, artifact.Dataset]:
         )
         for name, steps in windows.items()
     }
+
+
+def _digests(manifests: Iterable[Path]) -> dict[Path, str]:
+    """The digest of the run that belongs to each place."""
+    found = {}
+    for manifest in manifests:
+        try:
+            for run in json.loads(manifest.read_text()):
+                found[paths.run(run["condition"], run["reward"], run["seed"], run["variant"])] = run["digest"]
+        except (OSError, ValueError, KeyError, TypeError) as fault:
+            raise console.StageError(f"{manifest} is missing or damaged; run `dvc checkout` or `dvc repro`.") from fault
+    return found
 
 
 def _unit(curve: str, run: artifact.Artifact) -> str:

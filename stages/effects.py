@@ -38,7 +38,7 @@ def main() -> None:
     numbers.write({"steps": steps, "worlds": found}, paths.EFFECTS, DIGITS)
 
 
-def digest(p: params.Params, encoder_hash: str) -> str:
+def digest(p: params.Params, encoder_hash: str) -> identity.Digest:
     """The digest of all that a world's effects depend on, under which the store keeps them."""
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("world", "conditions")}

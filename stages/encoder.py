@@ -14,13 +14,7 @@ def main() -> None:
     """Train the encoder, unless the store has it."""
     p = params.load()
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    inputs = {
-        "params": {"seed": p.seed, "encoder": p.encoder.model_dump(), "held_out": p.collect.held_out},
-        "frames": frames.content,
-        "code": identity.code("mimo.encoder", "mimo.probe", "mimo.streams"),
-        "versions": identity.versions(),
-    }
-    digest = identity.Digest(inputs)
+    digest = made_from(p, frames)
 
     def make(path: Path) -> None:
         trained = train(p, frames["frames"])
@@ -33,6 +27,17 @@ def main() -> None:
     measures = {n[len(start) :]: float(f"{held[n]:.6g}") for n in held.datasets if n.startswith(start)}
     paths.ENCODER_METRICS.parent.mkdir(exist_ok=True)
     paths.ENCODER_METRICS.write_text(json.dumps(measures, indent=2) + "\n")
+
+
+def made_from(p: params.Params, frames: artifact.Artifact, measured: bool = True) -> identity.Digest:
+    """The digest of all that an encoder depends on; how it was measured, too, if it is."""
+    inputs = {
+        "params": {"seed": p.seed, "encoder": p.encoder.model_dump(), "held_out": p.collect.held_out},
+        "frames": frames.content,
+        "code": identity.code("mimo.encoder", "mimo.streams", *(["mimo.probe"] if measured else [])),
+        "versions": identity.versions(),
+    }
+    return identity.Digest(inputs)
 
 
 def train(p: params.Params, frames: np.ndarray) -> encoder.Trained:

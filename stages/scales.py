@@ -9,7 +9,7 @@ from mimo.params import Params
 from stages import store
 
 
-def digest(p: Params, encoder_hash: str) -> str:
+def digest(p: Params, encoder_hash: str) -> identity.Digest:
     """The digest of all that the scales depend on, under which the store keeps them."""
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("world", "outcomes", "calibrate")}

@@ -6,19 +6,19 @@ Nothing else depends on it: it shows, within seconds, that training from the pub
 import sys
 from pathlib import Path
 
-from mimo import artifact, encoder, identity, params
+from mimo import artifact, encoder, params
 from stages import console, paths, preview, store
-from stages.encoder import train
+from stages import encoder as training
 
 
 def main() -> None:
     """Train it, unless the store has it."""
     p = settings(params.load())
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    digest = made_from(p, frames)
+    digest = training.made_from(p, frames, measured=False)
 
     def make(path: Path) -> None:
-        encoder.save(train(p, frames["frames"]), path, digest, {})
+        encoder.save(training.train(p, frames["frames"]), path, digest, {})
 
     store.publish(encoder.SCHEMA, digest, paths.TRIAL, make)
 
@@ -27,18 +27,6 @@ def settings(p: params.Params) -> params.Params:
     """The published params, but the encoder's training as in the preview."""
     short = preview.merged_params(Path())["encoder"]
     return p.model_copy(update={"encoder": params.checked(p.encoder, short)})
-
-
-def made_from(p: params.Params, frames: artifact.Artifact) -> identity.Digest:
-    """The digest of all that it depends on."""
-    return identity.Digest(
-        {
-            "params": {"seed": p.seed, "encoder": p.encoder.model_dump(), "held_out": p.collect.held_out},
-            "frames": frames.content,
-            "code": identity.code("mimo.encoder", "mimo.streams"),
-            "versions": identity.versions(),
-        }
-    )
 
 
 if __name__ == "__main__":

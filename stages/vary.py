@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from collections.abc import Mapping
 from functools import partial
 
 from mimo import artifact, encoder, params
@@ -33,7 +34,7 @@ def _measure(
     p: params.Params,
     held: artifact.Artifact,
     settings: dict[str, params.Params],
-    digests: dict[str, str],
+    digests: Mapping[str, str],
     crew: int | None,
 ) -> None:
     """All scales that the store lacks; a variant that changes nothing they depend on finds the published ones."""

@@ -49,7 +49,19 @@ def fabricate(condition: str, reward: str, seed: int) -> None:
     datasets |= {f"part/{part}": Dataset(joints, "own units", "step, joint") for part in reward.split("_")}
     if "cais" in reward or "surprise" in reward:
         datasets["influence"] = Dataset(joints, "h", "step, joint")
-    artifact.write(paths.run(condition, reward, seed), store.RUN, "fabricated by a test", datasets)
+    digest = f"{condition}, {reward}, {seed}: fabricated by a test"
+    artifact.write(paths.run(condition, reward, seed), store.RUN, digest, datasets)
+
+
+def list_runs(condition: str, reward: str, manifest: Path, variant: str = "") -> None:
+    """A cell's manifest, as stages.train and stages.vary write it."""
+    runs = [
+        {"variant": variant, "condition": condition, "reward": reward, "seed": seed,
+         "digest": f"{condition}, {reward}, {seed}: fabricated by a test"}
+        for seed in range(SEEDS)
+    ]  # fmt: skip
+    manifest.parent.mkdir(parents=True, exist_ok=True)
+    manifest.write_text(json.dumps(runs))
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +87,8 @@ def project(
             for reward in settings["sweep"]["rewards"]:
                 for seed in range(SEEDS):
                     fabricate(condition, reward, seed)
+                list_runs(condition, reward, paths.manifest(condition, reward))
+        list_runs("free", "mtl", paths.variant_manifest("gain_1"), "gain_1")
         encoder.save(trained, paths.ENCODER, "trained by a test", MEASURES)
         frames = {"frames": Dataset(collected[0], "1", "regime, world, step, frame, row, column, colour")}
         artifact.write(paths.FRAMES, store.FRAME, "collected by a test", frames)

@@ -6,24 +6,24 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from mimo.errors import Fault
 from mimo.rewards import REWARDS
+from mimo.settings import ParamsError as ParamsError  # noqa: PLC0414 - callers know it from here
+from mimo.settings import dotted, read, shown
 
 S = TypeVar("S", bound="Section")
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Count = Annotated[int, Field(gt=0)]
+Steps = Annotated[int, Field(gt=0, le=20_000)]  # of a phase; a chunk's records then fit in memory
+Updates = Annotated[int, Field(gt=0, le=2000)]
+Worlds = Annotated[int, Field(gt=0, le=64)]
+Seeds = Annotated[int, Field(gt=0, le=1000)]  # files are numbered with three digits
+Width = Annotated[int, Field(gt=0, le=32)]
+Rate = Annotated[float, Field(ge=1e-6, le=0.1)]  # Adam moves a weight by as much in a step, in float32
+Factor = Annotated[float, Field(ge=0.001, le=100)]  # of what is computed in float32, and divided by
 Limb = Literal["left_foot", "right_foot", "left_hand", "right_hand"]
 Condition = Literal["free", "noisy"]
 # What a variant may change: it keeps the seed, the protocol and the published encoder, whatever world that has seen.
 VARIED = ("conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd")
-
-
-class ParamsError(Fault, ValueError):
-    """params.yaml does not hold; the message has one sentence for each fault."""
 
 
 class Section(BaseModel):
@@ -36,12 +36,12 @@ class Protocol(Section):
     """Timing of a run (paper §2.3, §2.4). Steps are agent steps, updates are physics updates of `timestep` seconds."""
 
     limb: Limb
-    baseline_steps: Count
-    attached_steps: Count
-    extinction_steps: Count
-    updates_per_step: Count
-    torque_updates: Count
-    timestep: Positive
+    baseline_steps: Steps
+    attached_steps: Steps
+    extinction_steps: Steps
+    updates_per_step: Updates
+    torque_updates: Updates
+    timestep: Annotated[float, Field(ge=0.001, le=0.01)]  # finer, the infant is not at rest yet when the rope is tied
 
     @model_validator(mode="after")
     def _torque_fits(self) -> "Protocol":
@@ -53,7 +53,7 @@ class Protocol(Section):
 class ConditionParams(Section):
     """What disturbs the mobile: `force` in N at every update."""
 
-    force: NonNegative
+    force: Annotated[float, Field(ge=0, le=100)]
 
 
 class Conditions(Section):
@@ -64,66 +64,77 @@ class Conditions(Section):
 
 
 class World(Section):
-    """Mobile, suspension and rope, in SI units; linear constants refer to the mobile's end of the rod."""
+    """Mobile, suspension and rope, in SI units; linear constants refer to the mobile's end of the rod.
 
-    mobile_mass: Positive
-    mobile_height: Positive
-    mobile_forward: float
-    rod_length: Positive
-    suspension_stiffness: NonNegative
-    suspension_drag: NonNegative
-    rope_stiffness: Positive
-    rope_slack: NonNegative
+    At every corner of these ranges, and those of `timestep` and `force`, physics stay finite: springs are resolved
+    (timestep² stiffness < 4 mass + 2 timestep drag), and drag holds the noise.
+    """
+
+    mobile_mass: Annotated[float, Field(ge=0.001, le=10)]
+    mobile_height: Annotated[float, Field(ge=0.1, le=1)]
+    mobile_forward: Annotated[float, Field(ge=-0.1, le=0.1)]  # in the picture, at every height
+    rod_length: Annotated[float, Field(ge=0.1, le=3)]
+    suspension_stiffness: Annotated[float, Field(ge=0, le=500)]
+    suspension_drag: Annotated[float, Field(ge=10, le=1000)]
+    rope_stiffness: Annotated[float, Field(ge=10, le=1000)]
+    rope_slack: Annotated[float, Field(ge=0, le=0.1)]  # a limb's way; a longer rope never pulls
 
 
 class Collect(Section):
     """The encoder's frames, taken under the resting policy."""
 
-    worlds: Count
-    steps: Annotated[int, Field(ge=5)]
-    pair_updates: Count
+    worlds: Annotated[int, Field(gt=0, le=16)]
+    steps: Annotated[int, Field(ge=5, le=400)]  # 0.4 MB of frames each, in every world
+    pair_updates: Updates
     held_out: Annotated[float, Field(gt=0, lt=1)]
 
 
 class Encoder(Section):
     """U-Net, projector and their training (paper appendix)."""
 
-    widths: Annotated[list[Count], Field(min_length=4, max_length=4)]
-    latent: Count
-    projection: Count
-    pairs: Annotated[int, Field(ge=2)]
-    tau: Positive
-    iterations: Count
-    learning_rate: Positive
-    cltt_weight: NonNegative
-    latent_sd: Positive
+    widths: Annotated[list[Width], Field(min_length=4, max_length=4)]
+    latent: Annotated[int, Field(gt=0, le=256)]
+    projection: Annotated[int, Field(gt=0, le=4096)]
+    pairs: Annotated[int, Field(ge=2, le=128)]  # 25 MB each at the greatest widths
+    tau: Annotated[float, Field(ge=0.01, le=100)]
+    iterations: Annotated[int, Field(gt=0, le=100_000)]
+    learning_rate: Rate
+    cltt_weight: Annotated[float, Field(ge=0, le=1000)]
+    latent_sd: Factor
 
 
 class Agent(Section):
     """Expected SARSA (paper §3.1, §3.6, appendix)."""
 
-    hidden: Count
-    learning_rate: Positive
+    hidden: Annotated[int, Field(gt=0, le=1024)]
+    learning_rate: Rate
     gamma: Annotated[float, Field(ge=0, lt=1)]
-    temperature: Positive
+    temperature: Factor
     move_bias: float
+
+    @model_validator(mode="after")
+    def _explores(self) -> "Agent":
+        # P(MOVE) of the resting policy then lies in [.007, .993]: every joint moves now and then, and rests.
+        if abs(self.move_bias) > 5 * self.temperature:
+            raise ValueError(f"move_bias must lie within 5 times temperature of 0; it is {self.move_bias!r}")
+        return self
 
 
 class Outcomes(Section):
     """Quantile models of p(h|a) and p(h) (paper §3.4.2)."""
 
-    quantiles: Count
-    kappa: Positive
-    learning_rate: Positive
-    batch: Count
-    memory: Count
+    quantiles: Annotated[int, Field(gt=0, le=199)]
+    kappa: Factor
+    learning_rate: Rate
+    batch: Annotated[int, Field(gt=0, le=64)]
+    memory: Annotated[int, Field(gt=0, le=20_000)]
 
 
 class Calibrate(Section):
     """How the rewards' scales are measured."""
 
-    steps: Annotated[int, Field(ge=2)]
-    worlds: Count
+    steps: Annotated[int, Field(ge=4, le=20_000)]
+    worlds: Worlds
 
 
 class Effects(Section):
@@ -133,24 +144,24 @@ class Effects(Section):
     checks them.
     """
 
-    steps: Annotated[int, Field(gt=20)]
-    worlds: Count
+    steps: Annotated[int, Field(gt=20, le=20_000)]
+    worlds: Worlds
     alternatives: dict[str, Annotated[dict[str, Any], Field(min_length=1)]]
 
     @model_validator(mode="after")
     def _known(self) -> "Effects":
         faults = _bad_names("alternatives", self.alternatives)
+        if (self.steps - 20) * self.worlds < 20:
+            faults.append("steps less 20, times worlds, must be at least 20, for every joint to move and to rest")
         if "published" in self.alternatives:
             faults.append("alternatives has 'published', which is the world of params.yaml itself")
         faults += [
-            f"alternatives.{name} has {key!r}, but an alternative may change only world"
+            f"alternatives.{name} has {shown(key)}, but an alternative may change only world"
             for name, values in self.alternatives.items()
             for key in values
             if not key.startswith("world.")
         ]
-        if faults:
-            raise ValueError("; ".join(faults))
-        return self
+        return _unless(faults, self)
 
 
 class Pays(Section):
@@ -165,7 +176,7 @@ class Rewards(Section):
     `scale`: `resting` divides by the SD under the resting policy, `running` standardises by mean and SD so far.
     """
 
-    gain: Positive
+    gain: Factor
     scale: Literal["resting", "running"]
     cais: Pays
     surprise: Pays
@@ -176,8 +187,8 @@ class Sweep(Section):
 
     conditions: Annotated[list[Condition], Field(min_length=1)]
     rewards: Annotated[list[str], Field(min_length=1)]
-    seeds: Count
-    chunk: Count
+    seeds: Seeds
+    chunk: Annotated[int, Field(gt=0, le=32)]
 
     @model_validator(mode="after")
     def _known(self) -> "Sweep":
@@ -187,9 +198,7 @@ class Sweep(Section):
             if len(set(given)) < len(given)
         ]
         faults += _bad_rewards("rewards", self.rewards)
-        if faults:
-            raise ValueError("; ".join(faults))
-        return self
+        return _unless(faults, self)
 
 
 class Variant(Section):
@@ -214,34 +223,29 @@ class Variant(Section):
             for key in self.set
             if key.split(".")[0] in Params.model_fields and not any(f"{key}.".startswith(f"{v}.") for v in VARIED)
         ]
-        faults = [f"set has {key!r}, but a variant may change only {', '.join(VARIED)}" for key in fixed]
+        faults = [f"set has {shown(key)}, but a variant may change only {', '.join(VARIED)}" for key in fixed]
         for condition, rewards in self.cells.items():
             faults += _bad_rewards(f"cells.{condition}", rewards)
             if len(set(rewards)) < len(rewards):
                 faults.append(f"cells.{condition} names one entry twice")
-        if faults:
-            raise ValueError("; ".join(faults))
-        return self
+        return _unless(faults, self)
 
 
 class Sweeps(Section):
     """Variants of the published params, each in `seeds` seeds: which constant decides what is found?"""
 
-    seeds: Count
+    seeds: Seeds
     variants: Annotated[dict[str, Variant], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _named(self) -> "Sweeps":
-        faults = _bad_names("variants", self.variants)
-        if faults:
-            raise ValueError("; ".join(faults))
-        return self
+        return _unless(_bad_names("variants", self.variants), self)
 
 
 class Params(Section):
     """The whole of params.yaml."""
 
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
     protocol: Protocol
     conditions: Conditions
     world: World
@@ -271,12 +275,7 @@ def load(path: str | Path = "params.yaml") -> Params:
         ParamsError: unreadable, or one or more values do not hold; all faults at once, a sentence each.
     """
     path = Path(path)
-    try:
-        raw = yaml.safe_load(path.read_text())
-    except FileNotFoundError:
-        raise ParamsError(f"{path} is missing; run from the project's top folder.") from None
-    except yaml.YAMLError as error:
-        raise ParamsError(f"{path} is not valid YAML: {error}") from None
+    raw = read(path)
     try:
         params = Params.model_validate(raw)
     except ValidationError as error:
@@ -332,24 +331,29 @@ def checked(section: S, changes: Mapping[str, object]) -> S:
 def _sentence(fault: dict[str, object]) -> str:
     location = fault["loc"]
     assert isinstance(location, tuple)
-    key = ".".join(str(part) for part in location if part != "[key]") or "the file"
+    key = dotted(location)
     if fault["type"] == "extra_forbidden":
         return f"{key} is not a known key; {_nearest(str(location[-1]), _keys(location[:-1]))}."
     if fault["type"] == "missing":
         return f"{key} is missing."
     if fault["type"] == "model_type":
         return f"{key} must be a section of keys and values."
-    message = str(fault["msg"]).removeprefix("Value error, ")
+    message = str(fault["msg"])
+    if fault["type"] == "value_error":  # of a section, about the key that its text begins with
+        return f"{f'{key}.' if location else ''}{message.removeprefix('Value error, ')}."
     rule = f" must {message[13:]}" if message.startswith("Input should ") else f": {message[:1].lower()}{message[1:]}"
-    return f"{key}{rule}{_given(fault['input'])}."
+    near = ""
+    if fault["type"] == "literal_error" and isinstance(fault["input"], str):
+        near = _near(fault["input"], re.findall(r"'(\w+)'", message))
+    return f"{key}{rule}{_given(fault['input'])}{near and f', {near}'}."
 
 
 def _given(value: object) -> str:
     if not isinstance(value, str | int | float | None):
         return ""
-    looks_a_number = isinstance(value, str) and re.fullmatch(r"[-+.\deE]*\d[-+.\deE]*", value)
+    looks_a_number = isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?", value)
     hint = ", which is text: write it without quotes, and as 0.001 rather than 1e-3" if looks_a_number else ""
-    return f"; it is {value!r}{hint}"
+    return f"; it is {shown(value)}{hint}"
 
 
 def _keys(location: tuple[object, ...]) -> list[str]:
@@ -359,26 +363,33 @@ def _keys(location: tuple[object, ...]) -> list[str]:
     return list(kind.model_fields)
 
 
+def _unless(faults: list[str], section: S) -> S:
+    if faults:
+        raise ValueError("; ".join(faults))
+    return section
+
+
 def _bad_names(where: str, names: Iterable[str]) -> list[str]:
-    bad = ", ".join(repr(name) for name in names if not re.fullmatch("[a-z0-9_]+", name))
-    return [f"{where} has {bad}: use small letters, digits and '_' alone"] if bad else []
+    bad = ", ".join(shown(name) for name in names if not re.fullmatch("[a-z0-9_]{1,40}", name))
+    return [f"{where} has {bad}: use small letters, digits and '_' alone, at most 40"] if bad else []
 
 
 def _bad_rewards(where: str, given: list[str]) -> list[str]:
     faults = []
     for reward in given:
         parts = reward.split("_")
-        faults += [f"{where} has {reward!r}, but {_unknown(part, list(REWARDS))}" for part in parts
-                   if part not in REWARDS]  # fmt: skip
+        unknown = [part for part in parts if part not in REWARDS]
+        faults += [f"{where} has {shown(reward)}, but {shown(part)} is unknown; {_nearest(part, list(REWARDS))}"
+                   for part in unknown]  # fmt: skip
         if len(set(parts)) < len(parts):
-            faults.append(f"{where} has {reward!r}, which adds one reward twice")
+            faults.append(f"{where} has {shown(reward)}, which adds one reward twice")
     return faults
 
 
-def _unknown(name: str, known: list[str]) -> str:
-    return f"{name!r} is unknown; {_nearest(name, known)}"
-
-
 def _nearest(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"perhaps {near[0]!r} is meant" if near else f"known are {', '.join(known)}"
+    return _near(name, known) or f"known are {', '.join(known)}"
+
+
+def _near(name: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
+    return f"perhaps {near[0]!r} is meant" if near else ""

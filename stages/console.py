@@ -1,6 +1,7 @@
 """How a stage runs: alone in its folder, with one progress bar, and faults as sentences with the traceback in a log."""
 
 import ctypes
+import errno
 import fcntl
 import os
 import signal
@@ -8,7 +9,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 
 from rich.console import Console
@@ -19,6 +20,10 @@ from mimo.errors import Fault
 from stages import paths
 
 LINE_SECONDS = 30  # between lines where there is no terminal
+MEND = "free space or mend permissions, then run again"
+STOPPED = "Stopped; what was finished is kept."
+REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}  # of a disk
+PARENT = os.getppid()  # early: seconds of imports follow, in which it may be lost
 
 
 class StageError(Fault):
@@ -32,18 +37,18 @@ def main(work: Callable[[], None]) -> int:
     end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
     """
     signal.signal(signal.SIGTERM, _stop)
-    _end_with_dvc()
     try:
+        _end_with_dvc()
         with alone():
             work()
     except Fault as fault:
         print(fault, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("Stopped; what was finished is kept.", file=sys.stderr)
+        print(STOPPED, file=sys.stderr)
         return 130
     except Exception as fault:
-        print(f"{type(fault).__name__}: {fault}{_logged()}", file=sys.stderr)
+        print(f"{_sentence(fault)}{_logged()}", file=sys.stderr)
         return 1
     return 0
 
@@ -52,16 +57,16 @@ def main(work: Callable[[], None]) -> int:
 def alone() -> Iterator[None]:
     """One stage at a time in one folder: another waits for it to end, as a lost `dvc repro` may have left one.
 
-    The lock goes with its process, however that ends.
+    The lock goes with its process, however that ends. Under it, what a killed process left half-written is removed.
 
     Raises:
         StageError: the lock cannot be had, since the folder takes no file.
     """
     try:
         paths.LOCK.parent.mkdir(exist_ok=True)
-        file = paths.LOCK.open("a+")
+        file = paths.LOCK.open("a+", errors="replace")
     except OSError as fault:
-        raise StageError(f"{paths.LOCK} cannot be opened ({fault.strerror}); mend that, then run again.") from fault
+        raise StageError(f"{paths.LOCK} cannot be opened ({fault.strerror}); {MEND}.") from fault
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -72,21 +77,57 @@ def alone() -> Iterator[None]:
                 f"Waiting for {holder}, which works in this folder; end that one if it is not wanted.", file=sys.stderr
             )
             fcntl.flock(file, fcntl.LOCK_EX)
-        file.truncate(0)
-        file.write(f"process {os.getpid()} ({' '.join(sys.orig_argv[1:])[:80]})")
-        file.flush()
+        with suppress(OSError):  # a full disk: whoever waits then reads of another process
+            os.ftruncate(file.fileno(), 0)
+            os.write(file.fileno(), f"process {os.getpid()} ({' '.join(sys.orig_argv[1:])[:80]})".encode())
+        _drop_parts()
         yield
+
+
+def _drop_parts() -> None:
+    """Remove what artifact.publish was writing when its process was killed; `.work` may hold other projects, deeper."""
+    left = [*paths.STORE.glob("*/.*.part")]
+    for folder in (paths.FRAMES.parent, paths.REPORT.parent):
+        left += folder.rglob(".*.part")
+    for part in left:
+        part.unlink(missing_ok=True)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _end_with_dvc() -> None:
-    """Have the kernel send SIGTERM when the `dvc repro` that started this stage is gone (Linux)."""
-    if os.environ.get("DVC_STAGE") and sys.platform == "linux":
+def end_with_parent(signum: signal.Signals) -> None:
+    """Have the kernel send a signal when the process that started this one is gone (Linux)."""
+    if sys.platform == "linux":
         death = 1  # PR_SET_PDEATHSIG of prctl(2)
-        ctypes.CDLL(None).prctl(death, signal.SIGTERM)
+        ctypes.CDLL(None).prctl(death, signum)
+
+
+def _end_with_dvc() -> None:
+    """End in good order when the `dvc repro` that started this stage is gone."""
+    if os.environ.get("DVC_STAGE"):
+        end_with_parent(signal.SIGTERM)
+        if os.getppid() != PARENT:  # it was gone before
+            raise KeyboardInterrupt
+
+
+def _uncaught(kind: type[BaseException], value: BaseException, trace: TracebackType | None) -> None:
+    """Ctrl-C while modules are imported, before `main`, is no fault either."""
+    if issubclass(kind, KeyboardInterrupt):
+        print(STOPPED, file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, value, trace)
+
+
+sys.excepthook = _uncaught
+
+
+def _sentence(fault: Exception) -> str:
+    """What happened, and what to do where the disk is at fault."""
+    if isinstance(fault, OSError) and fault.errno in REFUSALS:
+        return f"{fault.filename or 'The disk'} takes no more ({fault.strerror}); {MEND}"
+    return f"{type(fault).__name__}: {fault}"
 
 
 def _logged() -> str:

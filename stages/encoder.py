@@ -25,8 +25,7 @@ def main() -> None:
     held = artifact.read(paths.ENCODER, encoder.SCHEMA, digest)
     start = "measures/"
     measures = {n[len(start) :]: float(f"{held[n]:.6g}") for n in held.datasets if n.startswith(start)}
-    paths.ENCODER_METRICS.parent.mkdir(exist_ok=True)
-    paths.ENCODER_METRICS.write_text(json.dumps(measures, indent=2) + "\n")
+    artifact.publish(f"{json.dumps(measures, indent=2)}\n".encode(), paths.ENCODER_METRICS)
 
 
 def made_from(p: params.Params, frames: artifact.Artifact, measured: bool = True) -> identity.Digest:

@@ -24,9 +24,9 @@ def note(schema: str, digest: str) -> None:
     """Remember that the artifact was computed here and now."""
     line = {"schema": schema, "digest": digest, "at": datetime.now(UTC).isoformat(timespec="seconds")} | machine()
     paths.PROVENANCE.parent.mkdir(exist_ok=True)
-    # One write to a file opened for appending: a process killed meanwhile leaves at most a last line without end.
+    # One write to a file opened for appending; a line begins anew even where the one before was cut short.
     with paths.PROVENANCE.open("ab", buffering=0) as file:
-        file.write(f"{json.dumps(line)}\n".encode())
+        file.write(f"\n{json.dumps(line)}".encode())
 
 
 def lines(start: int = 0) -> list[dict[str, Any]]:

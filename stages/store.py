@@ -48,8 +48,8 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
 
 def keep(schema: str, digest: str, data: bytes) -> None:
     """Take in the file of an artifact that was just computed."""
+    provenance.note(schema, digest)  # first: a note too many does no harm, an artifact without one cannot be published
     artifact.publish(data, place(schema, digest))
-    provenance.note(schema, digest)
 
 
 def publish(schema: str, digest: str, target: Path, make: Callable[[Path], object]) -> bool:

@@ -11,7 +11,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from stages import console, paths, store
 POLL_SECONDS = 1.0
 RETRIES = 3  # of a chunk whose worker died
 STARTS = 3  # of Ray, at most
+SMALL = 500  # agent steps that this process computes sooner than Ray starts
 OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
 SERIAL = 0  # workers: none, this process computes
 
@@ -121,8 +122,7 @@ def complete(job: Job, size: int, crew: int | None) -> list[Run]:
 def write_manifest(path: Path, listed: list[Run]) -> None:
     """List runs, with their content hashes, for stages.runs to publish."""
     entries = [asdict(run) | {"content": artifact.content(store.place(store.RUN, run.digest))} for run in listed]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(entries, indent=1) + "\n")
+    artifact.publish(f"{json.dumps(entries, indent=1)}\n".encode(), path)
 
 
 def wanted(job: Job) -> list[Run]:
@@ -175,13 +175,16 @@ def compute(job: Job, todo: list[Chunk], crew: int | None) -> list[str]:
     Args:
         job: what the chunks need.
         todo: the chunks.
-        crew: how many workers; None for one a CPU, SERIAL for this process, without Ray. The bytes are the same.
+        crew: how many workers; None for one a CPU, or none if there is little to compute; SERIAL for this process,
+            without Ray. The bytes are the same.
 
     Returns:
         A sentence for each run that failed.
     """
-    with console.Progress("Runs", sum(_steps(job, chunk) for chunk in todo), "agent steps") as progress:
-        return _serial(job, todo, progress) if crew == SERIAL else _on_ray(job, todo, crew, progress)
+    total = sum(_steps(job, chunk) for chunk in todo)
+    here = crew == SERIAL or (crew is None and total <= SMALL)
+    with console.Progress("Runs", total, "agent steps") as progress:
+        return _serial(job, todo, progress) if here else _on_ray(job, todo, crew, progress)
 
 
 def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
@@ -289,6 +292,7 @@ class _Board:
     """Where workers write how far they are."""
 
     def __init__(self) -> None:
+        console.end_with_parent(signal.SIGKILL)
         self._steps: dict[str, int] = {}
 
     def put(self, chunk: str, steps: int) -> None:
@@ -300,6 +304,7 @@ class _Board:
 
 @ray.remote(num_cpus=1, max_retries=RETRIES)
 def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
+    console.end_with_parent(signal.SIGKILL)  # when the driver was killed, Ray lets a worker live for another minute
     last = 0.0
 
     def report(done: int) -> None:
@@ -313,6 +318,7 @@ def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
 
 @ray.remote(num_cpus=1, max_retries=RETRIES)
 def _call(task: Callable[[], bytes]) -> bytes:
+    console.end_with_parent(signal.SIGKILL)
     return task()
 
 
@@ -379,8 +385,9 @@ def _reason(chunk: Chunk, fault: Exception) -> str:
 
 def _logged(fault: Exception) -> tuple[BaseException, str]:
     """What a worker raised and its last line; all of it goes to the log."""
-    paths.LOG.parent.mkdir(exist_ok=True)
-    with paths.LOG.open("a") as log:
-        log.write(f"{fault}\n")
+    with suppress(OSError):  # a disk that takes no log must not hide what happened
+        paths.LOG.parent.mkdir(exist_ok=True)
+        with paths.LOG.open("a") as log:
+            log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
     return cause, (str(cause).strip().splitlines() or [type(cause).__name__])[-1]

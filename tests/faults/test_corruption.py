@@ -35,7 +35,7 @@ def files(
     for reward in REWARDS:
         for seed, record in enumerate(Experiment(tiny, "free", reward, range(SEEDS), trained, scales).run()):
             path = folder / paths.run("free", reward, seed)
-            about = {"condition": "free", "reward": reward, "limb": tiny.protocol.limb, "seed": seed}
+            about: dict[str, str | int | float] = {"condition": "free", "reward": reward, "seed": seed}
             artifact.write(path, store.RUN, digest(tiny, reward, seed, scales), record, about)
             found[path] = store.RUN
     encoder.save(trained, folder / paths.ENCODER, identity.Digest({"trained": "by a test"}), {})

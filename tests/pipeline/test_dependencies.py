@@ -1,10 +1,20 @@
-"""dvc.yaml names exactly the code that each stage's script imports: no edit goes unnoticed, none costs more."""
+"""dvc.yaml names exactly what each stage's script imports and reads: no edit goes unnoticed, none costs more."""
 
 import ast
+import importlib
+import operator
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+
+from mimo import params
+from mimo.params import Params, Section
+from stages import preview
+from tests.pipeline.project import edit
+from tests.pipeline.test_sections import TINY, TRIAL
 
 ROOT = Path(__file__).parents[2]
 STAGES = {
@@ -62,3 +72,104 @@ def test_no_dependency_or_output_lies_in_the_work_folder() -> None:
     for stage in STAGES.values():
         for entry in [*stage["deps"], *stage.get("outs", []), *stage.get("metrics", [])]:
             assert not str(entry if isinstance(entry, str) else next(iter(entry))).startswith(".work")
+
+
+SPEED = {"sweep.chunk"}  # read, but of no effect on any byte
+SWEEPS = {"effects", "train", "vary"}  # these take --serial
+
+
+def leaves(kind: Any, above: str = "") -> set[str]:
+    """Dotted keys of all values of params.yaml; lists, variants and alternatives are each one value."""
+    found = set()
+    for name, field in kind.model_fields.items():
+        section = isinstance(field.annotation, type) and issubclass(field.annotation, Section)
+        found |= leaves(field.annotation, f"{above}{name}.") if section else {f"{above}{name}"}
+    return found
+
+
+LEAVES = leaves(Params)
+
+
+def below(key: str) -> set[str]:
+    """The values of a section, or the one value."""
+    return {leaf for leaf in LEAVES if f"{leaf}.".startswith(f"{key}.")}
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """A set that takes up each value that is read from now on; but mimo.params itself reads all, to check them."""
+    read: set[str] = set()
+    known: dict[int, tuple[Section, str]] = {}  # sections, by id, and where they are in params.yaml
+
+    def watched(section: Section, name: str) -> Any:
+        value = object.__getattribute__(section, name)
+        itself, where = (section, "") if type(section) is Params else known.get(id(section), (None, ""))
+        reader = sys._getframe(1).f_globals["__name__"]
+        if itself is not section or reader == "mimo.params":  # a variant, say, is part of a value
+            pass
+        elif name.startswith("model_dump"):
+            read.update(below(where) if where else LEAVES)
+        elif name in type(section).model_fields:
+            key = f"{where}.{name}".lstrip(".")
+            if isinstance(value, Section):
+                known[id(value)] = (value, key)
+            else:
+                read.add(key)
+        return value
+
+    monkeypatch.setattr(Section, "__getattribute__", watched)
+    return read
+
+
+def run(name: str) -> None:
+    """A stage in this process, without Ray; all cells, where it is for one."""
+    module, *given = STAGES[name]["cmd"].split()[2:]
+    main = importlib.import_module(module).main
+    cells = sorted(Path(given[0]).parent.glob("*.json")) if given else []
+    for arguments in [[str(cell)] for cell in cells] or [["--serial"] if name in SWEEPS else []]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", [module, *arguments])
+            main()
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+    """By stage, the values that it reads: all stages run, on a tiny scale.
+
+    A variant sets all that variants may, to what it is anyway: what stages read on behalf of variants is then all that
+    they might.
+    """
+    project = tmp_path_factory.mktemp("read") / "project"
+    preview.prepare(ROOT, project)
+    edit(project, *TINY.items())
+    p = params.load(project / "params.yaml")
+    same = {key: operator.attrgetter(key)(p) for section in params.VARIED for key in sorted(below(section))}
+    edit(
+        project,
+        ("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}),
+        ("sweep.rewards", ["mtl", "cais_surprise"]),
+        (
+            "sweeps.variants",
+            {"same": {"asks": "?", "set": same, "cells": {"free": ["cais_surprise"], "noisy": ["mtl"]}}},
+        ),
+    )
+    (project / preview.OVERRIDES).write_text(TRIAL)
+    found = {}
+    for name in STAGES:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(project)
+            patch.setattr("stages.figures._files", lambda figure: {"svg": b"<svg/>"})  # seconds, and no value is read
+            found[name] = recorded(patch)
+            run(name)
+    return found
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_params_are_what_the_script_reads(name: str, read: dict[str, set[str]]) -> None:
+    stage = STAGES[name]
+    declared = {key: below(key) for key in stage.get("params", [])}
+    assert all(declared.values()), "dvc.yaml names what params.yaml has not"
+    values = set().union(*declared.values())
+    if "params.yaml" in stage["deps"]:
+        assert not values, "the whole file is a dependency already"
+        return
+    assert read[name] - SPEED == values

@@ -1,103 +1,36 @@
-"""The real pipeline under real DVC and Ray, tiny: from nothing, then again after each kind of change."""
+"""The real pipeline under real DVC, small: from nothing, after each kind of change, in a fresh clone, after `dvc pull`.
 
-import hashlib
-import os
-import re
-import shutil
-import subprocess
-import sys
+What is published can be had again, by a sample too, and each artifact knows its inputs. All start from the project of
+tests/pipeline/conftest.py.
+"""
+
+import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
+import numpy as np
 import pytest
-import yaml
 
-from stages import preview
+from mimo import artifact, identity
+from stages import catalogue, paths, store, verify
+from tests.pipeline.conftest import GAIN, VARIANTS
+from tests.pipeline.project import digests, done, edit, python, ran, repro, stored
 
-ROOT = Path(__file__).parents[2]
 CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
-ENDS = {"analyse", "claims", "figures", "report"}
-GAIN = yaml.safe_load((ROOT / "params.yaml").read_text())["rewards"]["gain"]
-VARIANTS = {  # the first changes nothing, the second no scale, the third scales too
-    "same": {"asks": "?", "set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
-    "greedy": {"asks": "?", "set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
-    "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
-}
-
-
-def edit(project: Path, *changes: tuple[str, Any]) -> None:
-    path = project / "params.yaml"
-    whole = yaml.safe_load(path.read_text())
-    for key, value in changes:
-        *sections, name = key.split(".")
-        part = whole
-        for section in sections:
-            part = part[section]
-        part[name] = value
-    path.write_text(yaml.safe_dump(whole, sort_keys=False))
-
-
-def repro(project: Path) -> tuple[int, str]:
-    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
-    done = subprocess.run(
-        [sys.executable, "-m", "dvc", "repro"],
-        cwd=project, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return done.returncode, done.stdout + done.stderr
-
-
-def ran(output: str) -> set[str]:
-    return set(re.findall(r"Running stage '([^']+)'", output))
-
-
-def stored(project: Path) -> set[str]:
-    return {path.name for path in (project / ".work/runs").glob("*.h5")}
-
-
-def digests(project: Path, *folders: str) -> dict[str, str]:
-    files = [path for folder in folders for path in sorted((project / folder).rglob("*")) if path.is_file()]
-    return {str(path.relative_to(project)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
+ENDS = {"analyse", "catalogue", "claims", "figures", "report"}
+RUN = paths.run("noisy", "cais", 0)
 
 pytestmark = pytest.mark.timeout(900)
 
 
-@pytest.fixture(scope="module")
-def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """A project in which `dvc repro` ran from nothing, and what it said."""
-    project = tmp_path_factory.mktemp("first") / "project"
-    preview.prepare(ROOT, project)
-    edit(
-        project,
-        ("sweep.rewards", ["mtl", "cais"]),
-        ("protocol.baseline_steps", 3),
-        ("protocol.attached_steps", 5),
-        ("protocol.extinction_steps", 3),
-        ("encoder.iterations", 4),
-        ("calibrate.steps", 6),
-        ("collect.steps", 6),
-        ("effects.alternatives", {}),
-        ("sweeps.variants", VARIANTS),
-    )
-    code, output = repro(project)
-    assert code == 0, output
-    return project, output
-
-
-@pytest.fixture
-def project(first: tuple[Path, str], tmp_path: Path) -> Path:
-    """A copy of its own for each test."""
-    return Path(shutil.copytree(first[0], tmp_path / "project"))
-
-
-def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(first: tuple[Path, str]) -> None:
-    project, output = first
+def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tuple[Path, str]) -> None:
+    project, output = published
     assert ran(output) == {
-        "collect", "encoder", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
+        "collect", "encoder", "trial", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
         "vary", *(f"variants@{name}" for name in VARIANTS), "compare",
     }  # fmt: skip
-    assert "agent steps" in output
+    assert output.endswith("13 artifacts, 13 of them recomputed; git knows no published ones to compare with.\n")
     for condition in ("free", "noisy"):
         for reward in ("mtl", "cais"):
             with h5py.File(project / f"data/runs/{condition}/{reward}/seed-000.h5") as run:
@@ -119,18 +52,10 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(first: tuple[
         assert (project / "reports" / name).stat().st_size > 1000, name
 
 
-def test_again_nothing_runs(project: Path) -> None:
-    code, output = repro(project)
-    assert code == 0, output
-    assert not ran(output)
-    assert "up to date" in output
-
-
 def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_the_cache(project: Path) -> None:
     before, runs = stored(project), digests(project, "data/runs", "reports")
     edit(project, ("rewards.cais.pays", "taken"))
-    code, output = repro(project)
-    assert code == 0, output
+    output = repro(project)
     assert ran(output) == {
         "calibrate", "train", "runs@free-cais", "runs@noisy-cais", *ENDS, "vary", "variants@greedy", "compare"
     }  # fmt: skip
@@ -139,41 +64,17 @@ def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_th
     changed = {name for name in after if after[name] != runs[name]}
     assert changed == {f"data/runs/{condition}/cais/seed-000.h5" for condition in ("free", "noisy")}
     edit(project, ("rewards.cais.pays", "move"))
-    code, output = repro(project)
-    assert code == 0, output
+    output = repro(project)
     assert "is cached - skipping run" in output
     assert len(stored(project) - before) == 3
     assert digests(project, "data/runs", "reports") == runs
-
-
-def test_one_more_seed_computes_only_the_new_runs(project: Path) -> None:
-    before, runs = stored(project), digests(project, "data/runs")
-    edit(project, ("sweep.seeds", 2))
-    code, output = repro(project)
-    assert code == 0, output
-    assert "8 runs, 4 of them in the store." in output
-    assert len(stored(project) - before) == 4
-    assert ran(output) == {"train", *(f"runs@{cell}" for cell in CELLS), *ENDS}
-    after = digests(project, "data/runs")
-    assert len(after) == 8
-    assert {name: after[name] for name in runs} == runs
-
-
-def test_published_runs_are_taken_in_when_the_store_is_gone(project: Path) -> None:
-    """As in a fresh clone after `dvc pull`: a new seed computes only its own runs."""
-    shutil.rmtree(project / ".work/runs")
-    edit(project, ("sweep.seeds", 2))
-    code, output = repro(project)
-    assert code == 0, output
-    assert "8 runs, 4 of them in the store." in output
 
 
 def test_a_comment_in_the_learner_computes_nothing(project: Path) -> None:
     before = digests(project, "data", "reports")
     agent = project / "mimo/agent.py"
     agent.write_text(agent.read_text() + "\n# A comment.\n")
-    code, output = repro(project)
-    assert code == 0, output
+    output = repro(project)
     assert "4 runs, 4 of them in the store." in output
     assert "3 runs, 3 of them in the store." in output
     assert ran(output) == {"calibrate", "effects", "train", "vary"}
@@ -197,8 +98,7 @@ class Stillness(Reward):
 """
     )
     edit(project, ("sweep.rewards", ["mtl", "cais", "stillness"]))
-    exit_code, output = repro(project)
-    assert exit_code == 0, output
+    output = repro(project)
     assert "6 runs, 4 of them in the store." in output
     assert len(stored(project) - before) == 2
     after = digests(project, "data/runs")
@@ -206,8 +106,8 @@ class Stillness(Reward):
     assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
 
 
-def test_a_variant_that_changes_nothing_is_the_published_run(first: tuple[Path, str]) -> None:
-    project, _ = first
+def test_a_variant_that_changes_nothing_is_the_published_run(published: tuple[Path, str]) -> None:
+    project, _ = published
     runs = digests(project, "data/runs", "data/variants")
     assert runs["data/variants/same/free/mtl/seed-000.h5"] == runs["data/runs/free/mtl/seed-000.h5"]
     assert len(stored(project)) == len(set(runs.values())) == 6
@@ -221,9 +121,8 @@ def test_only_the_runs_of_a_variant_that_changes_are_computed(project: Path) -> 
         "greedy": VARIANTS["greedy"] | {"set": {"rewards.gain": 8 * GAIN}},
     }
     edit(project, ("sweeps.variants", changed))
-    code, output = repro(project)
-    assert code == 0, output
-    assert ran(output) == {"vary", "variants@same", "variants@greedy", "compare", "claims", "report"}
+    output = repro(project)
+    assert ran(output) == {"vary", "variants@same", "variants@greedy", "compare", "claims", "catalogue", "report"}
     assert "3 runs, 2 of them in the store." in output
     assert len(stored(project) - before) == 1
     after = digests(project, "data/runs", "data/variants")
@@ -234,38 +133,149 @@ def test_only_the_runs_of_a_variant_that_changes_are_computed(project: Path) -> 
     assert {name for name in after if after[name] != runs.get(name)} == {new, one}
 
 
-def test_variants_without_ray_are_the_same_bytes(project: Path) -> None:
-    """What is published of the paper's own is taken in; the rest is computed again."""
-    before = digests(project, ".work/runs", ".work/scales")
-    for folder in (".work/runs", ".work/scales", "data/variants"):
-        shutil.rmtree(project / folder)
-    command = [sys.executable, "-m", "stages.vary", "--serial"]
-    done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "3 runs, 1 of them in the store." in done.stdout
-    after = digests(project, ".work/runs", ".work/scales")
-    assert len(after) == 5
-    assert after.items() <= before.items()
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentences"),
-    [
-        (
-            [("world.mobile_mass", -1.0), ("sweep.rewards", ["mtl", "cias"])],
-            ["world.mobile_mass must be greater than 0; it is -1.0.", "'cias'"],
-        ),
-        ([("world.mobile_mas", 1.0)], ["world.mobile_mas is not a known key"]),
-    ],
-)
-def test_bad_parameters_stop_the_pipeline_before_any_work(
-    project: Path, changes: list[tuple[str, Any]], sentences: list[str]
-) -> None:
+def test_bad_parameters_stop_the_pipeline_before_any_work(project: Path) -> None:
     before = stored(project)
-    edit(project, *changes)
-    code, output = repro(project)
-    assert code != 0
-    for sentence in sentences:
-        assert sentence in output
-    assert "Traceback" not in output
+    edit(project, ("world.mobile_mass", -1.0), ("sweep.rewards", ["mtl", "cias"]))
+    said = python(project, "dvc", "repro")
+    assert said.returncode != 0
+    for sentence in ("world.mobile_mass must be greater than or equal to 0.001; it is -1.0.", "'cias'"):
+        assert sentence in said.stdout + said.stderr
+    assert "Traceback" not in said.stdout + said.stderr
     assert stored(project) == before
+
+
+# Elsewhere.
+
+
+def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> None:
+    assert not (clone / "data").exists()
+    said = python(clone, "stages.paper")
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.splitlines()[-1] == (
+        "13 artifacts, 13 of them recomputed; 13 equal the 13 published; dvc.lock and reports/ are the same bytes."
+    )
+    assert done(clone, "git", "status", "--porcelain") == ""
+    again = python(clone, "stages.paper").stdout.splitlines()[-1]
+    assert again.startswith("13 artifacts, 0 of them recomputed; 13 equal the 13 published;")
+    python(clone, "stages.provenance")
+    (machine,) = json.loads((clone / paths.PUBLISHED_ON).read_text())["machines"]
+    assert machine["versions"] == identity.versions()
+
+
+def test_after_a_pull_nothing_runs_and_one_more_seed_computes_its_own_runs_alone(clone: Path) -> None:
+    done(clone, "dvc", "pull", "-q")
+    assert "Running stage" not in done(clone, "dvc", "repro")
+    before = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
+    edit(clone, ("sweep.seeds", 2))
+    said = done(clone, "dvc", "repro", "analyse")
+    assert "8 runs, 4 of them in the store." in said
+    assert ran(said) == {"train", "analyse", *(f"runs@{cell}" for cell in CELLS)}
+    after = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
+    assert len(after) == 8
+    assert all(after[path] == data for path, data in before.items())
+
+
+# A sample, computed again.
+
+
+def shift(held: artifact.Artifact) -> dict[str, artifact.Dataset]:
+    """The run's datasets, but `reward` is 0.5 more at the fourth step."""
+    reward = held["reward"].copy()
+    reward[3] += 0.5
+    return held.datasets | {"reward": artifact.Dataset(reward, "scaled reward", "step, joint")}
+
+
+def alter(project: Path, datasets: Callable[[artifact.Artifact], dict[str, artifact.Dataset]]) -> None:
+    """Publish another run in the place of RUN."""
+    held = artifact.read(project / RUN, store.RUN)
+    assert held.inputs is not None
+    artifact.write(project / RUN, store.RUN, identity.Digest(held.inputs), datasets(held), held.about)
+    listed = json.loads((project / paths.ARTIFACTS).read_text())
+    listed[str(RUN)]["content"] = artifact.content(project / RUN)
+    (project / paths.ARTIFACTS).write_text(json.dumps(listed))
+
+
+def drawing(project: Path) -> tuple[str, ...]:
+    """Options by which the sample is RUN alone."""
+    listed = catalogue.published((project / paths.ARTIFACTS).read_text())
+    draw = next(draw for draw in range(99) if verify.sample(listed, 1, draw) == [RUN])
+    return "--runs", "1", "--draw", str(draw)
+
+
+def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in project.rglob("*") if path.suffix == ".h5"}
+    said = python(project, "stages.verify", "--runs", "2")
+    assert said.returncode == 0, said.stdout + said.stderr
+    lines = said.stdout.splitlines()
+    assert lines[-1] == "OK: 3 artifacts computed again."
+    assert "data/trial.h5: the published bytes." in lines
+    assert sum(line.startswith("data/runs/") and line.endswith(": the published bytes.") for line in lines) == 2
+    assert {path: path.stat().st_mtime_ns for path in project.rglob("*") if path.suffix == ".h5"} == before
+
+
+def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> None:
+    alter(project, shift)
+    said = python(project, "stages.verify", *drawing(project))
+    assert said.returncode == 1
+    assert f"{RUN}: not the published one: reward differs first at step 4, by 0.5 (" in said.stdout
+    assert "data/trial.h5: the published bytes." in said.stdout
+    assert said.stderr.splitlines()[-1] == "1 of 2 artifacts are not the published ones."
+
+
+def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path) -> None:
+    assert python(project, "stages.provenance").returncode == 0
+    found = json.loads((project / paths.PUBLISHED_ON).read_text())
+    found["machines"][0]["class"] = "x86_64 AnotherVendor avx"
+    (project / paths.PUBLISHED_ON).write_text(json.dumps(found))
+    alter(project, shift)
+    said = python(project, "stages.verify", *drawing(project))
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "is of another class than the published results'" in said.stdout
+    assert (
+        f"{RUN}: within the tolerance 0.05 of mean P(MOVE): 0.000 apart; reward differs first at step 4" in said.stdout
+    )
+
+    def still(held: artifact.Artifact) -> dict[str, artifact.Dataset]:
+        moving = held["move_probability"]
+        return held.datasets | {"move_probability": artifact.Dataset(np.zeros_like(moving), "1", "step, joint")}
+
+    alter(project, still)
+    said = python(project, "stages.verify", *drawing(project))
+    assert said.returncode == 1
+    assert f"{RUN}: not the published one, nor within the tolerance 0.05 of mean P(MOVE)" in said.stdout
+
+
+def test_a_sample_is_not_compared_with_what_the_tree_would_not_make(project: Path) -> None:
+    edit(project, ("agent.gamma", 0.2))
+    said = python(project, "stages.verify", "--runs", "1")
+    assert said.returncode == 1
+    assert "asks for another run than the published one; `python -m mimo.identity data/runs/" in said.stderr
+
+
+# Identity.
+
+
+def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -> None:
+    said = python(project, "mimo.identity", str(RUN))
+    assert said.returncode == 0, said.stderr
+    lines = said.stdout.splitlines()
+    assert lines[-1] == "It matches the working tree."
+    for expected in ("  params.agent.gamma: 0.1", "  condition: noisy", "  seed: 0", "  params.condition.force: 40.0"):
+        assert expected in lines
+    assert any(line.startswith("  code.mimo.agent: ") for line in lines)
+    for other in ("encoder.h5", "trial.h5", "frames.h5", "scales.h5", "results.h5", "variants.h5"):
+        assert python(project, "mimo.identity", f"data/{other}").stdout.endswith("It matches the working tree.\n"), (
+            other
+        )
+    variant = paths.run("free", "cais", 0, "greedy")
+    assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "mimo.identity", str(variant)).stdout
+
+    edit(project, ("agent.gamma", 0.2))
+    agent = project / "mimo/outcomes.py"
+    agent.write_text(agent.read_text().replace("1) / (quantiles + 1)", "1) / (quantiles + 2)"))
+    said = python(project, "mimo.identity", str(RUN))
+    assert said.returncode == 1
+    heading, code, gamma = said.stdout.splitlines()[-3:]
+    assert heading == "It does not match the working tree; what differs (2):"
+    assert code.startswith("  code.mimo.outcomes: ")
+    assert gamma == "  params.agent.gamma: 0.1 in the file, 0.2 in the working tree"

@@ -187,13 +187,14 @@ def test_the_rope_alone_tells_its_phases_apart(tiny: Params, trained: Trained) -
 
 
 def test_a_mobile_that_the_rope_never_moves_is_refused(tiny: Params, trained: Trained) -> None:
-    loose = params.changed(tiny, {"world.rope_slack": 5.0, "effects.steps": 30, "effects.worlds": 1})
+    world, few = tiny.world.model_copy(update={"rope_slack": 5.0}), {"steps": 30, "worlds": 1}  # params.py refuses both
+    loose = tiny.model_copy(update={"world": world, "effects": tiny.effects.model_copy(update=few)})
     with pytest.raises(FloatingPointError, match="does not vary under the resting policy"):
         effects.measure(loose, trained)
 
 
 def test_more_steps_are_asked_for_than_are_dropped(tiny: Params) -> None:
-    params.changed(tiny, {"effects.steps": effects.DROPPED + 1})
+    params.changed(tiny, {"effects.steps": effects.DROPPED + 1, "effects.worlds": 20})
     with pytest.raises((params.ParamsError, ValidationError), match=f"greater than {effects.DROPPED}"):
         params.changed(tiny, {"effects.steps": effects.DROPPED})
 

@@ -155,7 +155,7 @@ def test_ray_and_this_process_give_the_same_bytes_and_the_same_faults(
     runs = sweep.wanted(job)
     good = {run.digest for run in runs if run.reward != "surprise"}
     files, faults = [], []
-    for crew, size in ((sweep.SERIAL, 1), (None, 2)):
+    for crew, size in ((sweep.SERIAL, 1), (2, 2)):
         (tmp_path / str(size)).mkdir()
         monkeypatch.chdir(tmp_path / str(size))
         faults.append(sorted(sweep.compute(job, sweep.chunks(runs, size), crew)))
@@ -194,14 +194,14 @@ def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trai
     assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
 
 
-@pytest.mark.parametrize("crew", [sweep.SERIAL, None])
+@pytest.mark.parametrize("crew", [sweep.SERIAL, 2])
 def test_tasks_come_with_their_names_and_a_fault_by_its_name(crew: int | None) -> None:
     tasks: dict[str, Callable[[], bytes]] = {name: partial(str.encode, name) for name in ("one", "two")}
     found: list[tuple[str, bytes]] = []
     with pytest.raises(console.StageError, match=r"^bad: .*no-such"):
         found.extend(sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, crew))
     assert set(found) <= {("one", b"one"), ("two", b"two")}
-    assert crew is None or len(found) == 2
+    assert crew or len(found) == 2
     assert sweep.compute(Job(b"", 1.0, {}), [], crew=sweep.SERIAL) == []
 
 
@@ -251,5 +251,5 @@ def test_an_interrupt_keeps_what_is_finished(job: Job, monkeypatch: pytest.Monke
 def test_a_cluster_is_refused_in_a_sentence(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:6379")
     with pytest.raises(console.StageError, match="RAY_ADDRESS is set"):
-        sweep.compute(job, sweep.chunks(sweep.wanted(job), 1), crew=None)
+        sweep.compute(job, sweep.chunks(sweep.wanted(job), 1), crew=2)
     assert not kept()

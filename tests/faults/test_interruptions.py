@@ -1,0 +1,264 @@
+"""Nothing is lost: the real pipeline, disturbed as it computes, goes on where it stopped and gives the same bytes."""
+
+import os
+import re
+import shutil
+import signal
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from stages import preview
+from tests.faults import harness
+from tests.faults.harness import Repro
+
+ROOT = Path(__file__).parents[2]
+TINY = {
+    "sweep.rewards": ["mtl", "cais"],
+    "sweep.seeds": 2,
+    "sweep.chunk": 1,
+    "protocol.baseline_steps": 6,
+    "protocol.attached_steps": 12,
+    "protocol.extinction_steps": 6,
+    "encoder.iterations": 4,
+    "calibrate.steps": 6,
+    "collect.steps": 6,
+    "effects.alternatives": {},
+    "sweeps.variants": {"same": {"asks": "?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}},
+}
+
+STOPPED = "(?m)^Stopped; what was finished is kept.$"
+
+pytestmark = pytest.mark.timeout(600)
+
+Kept = dict[str, tuple[int, int]]
+Mount = Callable[[Path, str], Callable[[str], None]]
+
+
+class Pipeline:
+    """A project of eight runs of which none is computed, and what an undisturbed `dvc repro` makes of it."""
+
+    def __init__(self, project: Path, undisturbed: dict[str, str]) -> None:
+        self.project, self.undisturbed = project, undisturbed
+        self.runs = project / ".work/runs"
+        self.started: list[Repro] = []
+
+    def start(self, workers: bool = True) -> Repro:
+        """`dvc repro`, as far as the published runs; left alone, so small a sweep would do without Ray's workers."""
+        stages = self.project / "dvc.yaml"
+        command = "python -m stages.train"
+        text = stages.read_text().replace(f"{command} --workers 2", command)
+        stages.write_text(text.replace(command, f"{command} --workers 2") if workers else text)
+        self.started.append(Repro(self.project, "runs"))
+        return self.started[-1]
+
+    def stopped(self, repro: Repro, sentence: str, kept: Kept, but: Collection[str] = ()) -> Kept:
+        """It ends with the sentence and no traceback, and keeps what was finished; returns what is finished now."""
+        assert repro.end(but) != 0
+        assert re.search(sentence, repro.said), repro.said
+        assert "Traceback" not in repro.said
+        harness.assert_whole(self.project)
+        found = harness.finished(self.project)
+        assert kept.items() <= found.items()
+        return found
+
+    def completes(self, repro: Repro, kept: Kept) -> None:
+        """It succeeds, computes no run that was kept, and every byte is as undisturbed."""
+        assert repro.end() == 0, repro.said
+        assert "Traceback" not in repro.said
+        assert kept.items() <= harness.finished(self.project).items()
+        assert harness.digests(self.project) == self.undisturbed
+        assert not harness.parts(self.project)
+
+    def goes_on(self, kept: Kept) -> None:
+        """The next `dvc repro` computes what is missing, and no more."""
+        repro = self.start(workers=False)
+        self.completes(repro, kept)
+        assert f"8 runs, {len(kept)} of them in the store." in repro.said
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+    """Computed undisturbed."""
+    project = tmp_path_factory.mktemp("undisturbed") / "project"
+    preview.prepare(ROOT, project)
+    harness.edit(project, TINY)
+    made = Pipeline(project, {})
+    repro = made.start(workers=False)
+    try:
+        assert repro.end() == 0, repro.said
+    finally:
+        repro.kill()
+    made.undisturbed |= harness.digests(project)
+    assert len(list(made.runs.iterdir())) == len(list(project.glob("data/runs/*/*/*.h5"))) == 8
+    return made
+
+
+@pytest.fixture
+def computed(reference: Pipeline, tmp_path: Path) -> Iterator[Pipeline]:
+    """A copy in which all runs are in the store; what runs there is ended after the test."""
+    copy = Path(shutil.copytree(reference.project, tmp_path / "project"))
+    harness.forget(copy)
+    made = Pipeline(copy, reference.undisturbed)
+    yield made
+    for repro in made.started:
+        repro.kill()
+
+
+@pytest.fixture
+def pipeline(computed: Pipeline) -> Pipeline:
+    for run in computed.runs.iterdir():
+        run.unlink()
+    return computed
+
+
+@pytest.fixture
+def mount() -> Iterator[Mount]:
+    """Mounts an empty file system of a given size until the test ends; returns what remounts it."""
+    with ExitStack() as stack:
+
+        def begin(folder: Path, size: str) -> Callable[[str], None]:
+            try:
+                return stack.enter_context(harness.tmpfs(folder, size))
+            except PermissionError as fault:
+                pytest.skip(f"nothing can be mounted here: {fault}")
+
+        yield begin
+
+
+# A worker, whose loss the sweep survives.
+
+
+def test_a_killed_worker_is_replaced(pipeline: Pipeline) -> None:
+    repro = pipeline.start()
+    kept = repro.until_midway()
+    repro.workers()[0].kill()
+    pipeline.completes(repro, kept)
+
+
+def test_a_worker_out_of_memory_is_replaced(pipeline: Pipeline) -> None:
+    """The kernel kills it."""
+    with ExitStack() as stack:
+        try:
+            move, killed = stack.enter_context(harness.memory_limit(2**19))
+        except PermissionError as fault:
+            pytest.skip(f"no control group can be made here: {fault}")
+        repro = pipeline.start()
+        kept = repro.until_midway()
+        move(repro.workers()[0].pid)
+        repro.until(killed)
+        pipeline.completes(repro, kept)
+
+
+# The driver, and `dvc repro` itself.
+
+
+def test_a_driver_killed_as_it_writes(pipeline: Pipeline) -> None:
+    """A run that is half-written bears a name of its own, and the next stage removes it; each whole one is noted."""
+    noted = pipeline.project / ".work/provenance.jsonl"
+    noted.unlink()
+    repro = pipeline.start()
+    kept = repro.until_midway()
+    driver = repro.driver()
+    repro.until(lambda: harness.parts(pipeline.project) or len(harness.finished(pipeline.project)) > len(kept))
+    driver.kill()
+    kept = pipeline.stopped(repro, "exited with -9", kept, but=harness.AGENTS)
+    assert all(name.removesuffix(".h5") in noted.read_text() for name in kept)
+    if not harness.parts(pipeline.project):  # it was done writing: leave what would else be left
+        whole = (pipeline.runs / next(iter(kept))).read_bytes()
+        (pipeline.runs / f".{'0' * 64}.h5.0123456789abcdef.part").write_bytes(whole[: len(whole) // 2])
+    (pipeline.project / "data/.scales.h5.0123456789abcdef.part").touch()
+    pipeline.goes_on(kept)
+
+
+def test_interrupted_then_terminated(pipeline: Pipeline) -> None:
+    """By Ctrl-C, which a terminal sends to all, then by `kill`; each goes on where the one before stopped."""
+    repro = pipeline.start()
+    kept = repro.until_midway()
+    os.killpg(repro.pid, signal.SIGINT)
+    kept = pipeline.stopped(repro, STOPPED, kept)
+    repro = pipeline.start()
+    repro.until_midway(more_than=len(kept))
+    assert f"8 runs, {len(kept)} of them in the store." in repro.said
+    repro.strike(signal.SIGTERM)
+    kept = pipeline.stopped(repro, STOPPED, kept)
+    pipeline.goes_on(kept)
+
+
+def test_the_next_waits_for_the_orphan_of_a_killed_repro_which_ends(pipeline: Pipeline) -> None:
+    first = pipeline.start()
+    kept = first.until_midway()
+    driver = first.driver()
+    driver.suspend()  # so that it surely outlives the start of the next
+    first.strike(signal.SIGKILL)
+    second = pipeline.start()
+    second.until(lambda: f"Waiting for process {driver.pid} (-m stages.train --workers 2)" in second.said)
+    driver.resume()
+    kept = pipeline.stopped(first, STOPPED, kept)
+    pipeline.completes(second, kept)
+
+
+def test_of_two_at_once_one_works_and_the_other_names_it(pipeline: Pipeline) -> None:
+    first = pipeline.start()
+    kept = first.until_midway()
+    second = pipeline.start()
+    assert second.end() != 0
+    assert re.search(rf"\(PID {first.pid}\): .*repro", second.said), second.said
+    assert "Traceback" not in second.said
+    pipeline.completes(first, kept)
+
+
+# The disk.
+
+
+def test_a_store_that_is_full_then_read_only(pipeline: Pipeline, mount: Mount) -> None:
+    remount = mount(pipeline.runs, "40k")
+    kept = pipeline.stopped(pipeline.start(), r"h5 could not be written \(No space left on device\); free space", {})
+    assert 0 < len(kept) < 8
+    remount("size=1m")
+    repro = pipeline.start()
+    repro.until_midway(more_than=len(kept))
+    remount("ro")
+    kept = pipeline.stopped(repro, r"h5 could not be written \(Read-only file system\); free space or mend", kept)
+    remount("rw")
+    pipeline.goes_on(kept)
+
+
+def test_a_read_only_folder_is_told_at_once(pipeline: Pipeline, mount: Mount) -> None:
+    before = harness.digests(pipeline.project)
+    mount(pipeline.project / ".work", "1m")("ro")
+    pipeline.stopped(pipeline.start(), r"\.work/lock cannot be opened \(Read-only file system\); free space", {})
+    assert harness.digests(pipeline.project) == before
+
+
+def test_a_full_disk(pipeline: Pipeline, tmp_path: Path, mount: Mount) -> None:
+    """All of the project lies on it, DVC's own files too."""
+    mount(tmp_path / "disk", "64m")
+    project = Path(shutil.copytree(pipeline.project, tmp_path / "disk/project"))
+    small = Pipeline(project, pipeline.undisturbed)
+    pipeline.started = small.started
+    repro = small.start()
+    kept = repro.until_midway()
+    harness.fill(tmp_path / "disk/filler")
+    kept = small.stopped(repro, "No space left on device", kept)
+    (tmp_path / "disk/filler").unlink()
+    small.goes_on(kept)
+
+
+# What lies in the store.
+
+
+def test_a_damaged_run_is_set_aside_and_computed_again_alone(computed: Pipeline) -> None:
+    kept = harness.finished(computed.project)
+    damaged = computed.runs / sorted(kept)[3]
+    del kept[damaged.name]
+    data = bytearray(damaged.read_bytes())
+    data[len(data) // 2] ^= 1
+    damaged.write_bytes(data)
+    repro = computed.start(workers=False)
+    computed.completes(repro, kept)
+    assert f"It was set aside as .work/runs/{damaged.stem}.damaged and is computed again." in repro.said
+    assert "8 runs, 7 of them in the store." in repro.said
+    assert damaged.with_suffix(".damaged").read_bytes() == data

@@ -1,0 +1,130 @@
+"""`python -m tests.pipeline.quick TOP`: `dvc repro` in TOP/base, then in an edited copy of it for each of many edits.
+
+What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
+stages are forks of one process that has the libraries loaded, sweeps are without Ray, DVC reads YAML by another library
+and writes JSON (which is YAML), and figures are stand-ins with their data's hashes. PLAIN goes without any of that.
+
+TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
+as its last line, the exit code.
+"""
+
+import gc
+import importlib
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mimo import identity
+from tests.pipeline.project import edit
+
+AT_ONCE = 2
+BASE, PLAIN = "base", "plain"
+SWEEPS = {"stages.effects", "stages.train", "stages.vary"}  # these take --serial
+
+
+def main() -> None:
+    top = Path(sys.argv[1])
+    _load()
+    _patch()
+    _reproduce(top, BASE, {})
+    if os.wait()[1]:
+        sys.exit((top / f"{BASE}.log").read_text())
+    edits = json.loads((top / "edits.json").read_text())
+    for count, (name, changes) in enumerate(edits.items()):
+        if count >= AT_ONCE:
+            os.wait()
+        _reproduce(top, name, changes)
+    for _ in range(min(AT_ONCE, len(edits))):
+        os.wait()
+
+
+def _load() -> None:
+    """All that stages would load, also what libraries load late, and the code's digests."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # two at once on two cores
+    import dvc.cli
+    import dvc.commands.repro
+    import dvc.repo.reproduce  # noqa: F401
+    import torch
+
+    torch.optim.AdamW([torch.zeros(1)])
+    for path in sorted(Path("stages").glob("*.py")):
+        if "console.main(main)" in path.read_text():
+            importlib.import_module(f"stages.{path.stem}")
+    gc.freeze()  # collecting garbage would copy it into every fork
+    identity.code(*(f"mimo.{name}" for name in ("calibrate", "collect", "effects", "experiment", "probe")))
+
+
+def _patch() -> None:
+    import ruamel.yaml
+    from dvc.stage import run
+
+    def load(self: Any, text: str) -> Any:
+        return json.loads(text) if text.startswith("{") else yaml.load(text, yaml.CSafeLoader)
+
+    library: Any = ruamel.yaml.YAML
+    library.load = load
+    library.dump = lambda self, data, stream: stream.write(json.dumps(data))
+    run._run = _stage
+    figures: Any = sys.modules["stages.figures"]
+    figures.drawn = lambda p, results, held, frames: [
+        ("fig3", {"svg": f"<svg><!-- {results.content} {held.content} --></svg>".encode()})
+    ]
+
+
+def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
+    """Start a process that copies, edits, and does `dvc repro`."""
+    import dvc.cli
+
+    if os.fork():
+        return
+    code = 1
+    try:
+        log = os.open(top / f"{name}.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(log, 1)
+        os.dup2(log, 2)
+        project = top / name
+        if name != BASE:
+            shutil.copytree(top / BASE, project)
+            edit(project, *changes.items())
+        os.chdir(project)
+        plain = [sys.executable, "-m", "dvc", "repro"]
+        code = subprocess.call(plain) if name == PLAIN else dvc.cli.main(["repro"])
+    finally:
+        print(f"\n{code}", flush=True)
+        os._exit(code)
+
+
+def _stage(executable: str, command: str, **given: Any) -> None:
+    """In place of DVC's own: the command in a fork of this process."""
+    from dvc.stage.exceptions import StageCmdFailedError
+
+    from stages import console
+
+    python, flag, module, *arguments = shlex.split(command)
+    assert (python, flag) == ("python", "-m"), command
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if not (child := os.fork()):
+        code = 1
+        try:
+            os.chdir(given["cwd"])
+            sys.argv = [module, *arguments, *(["--serial"] if module in SWEEPS else [])]
+            code = console.main(sys.modules[module].main)
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code:
+        raise StageCmdFailedError(command, code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,329 @@
+"""Each section of params.yaml, edited: exactly which stages run again, and which runs are computed anew.
+
+EDITS says what is expected, docs/what-reruns.md shows it (`python -m tests.pipeline.test_sections` writes it), and a
+`dvc repro` shows for each edit, in a tiny pipeline of its own, that it is so. As plain `dvc repro` all these would take
+a quarter of an hour, most of it for importing torch, so DVC forks its stages from one process: tests/pipeline/quick.py.
+One edit is made plainly, and must do the same.
+"""
+
+import itertools
+import json
+import shutil
+from collections.abc import Iterable, Iterator, Set
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from mimo import artifact
+from mimo.params import Params
+from stages import paths, preview, store
+from tests.pipeline import quick
+from tests.pipeline.project import edit, python, ran
+
+ROOT = Path(__file__).parents[2]
+TABLE = ROOT / "docs/what-reruns.md"
+WRITE = "python -m tests.pipeline.test_sections"
+VARIANTS = {
+    "eager": {"asks": "?", "set": {"rewards.gain": 2.0}, "cells": {"free": ["cais"]}},
+    "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
+}
+TAKEN = {"asks": "?", "set": {"rewards.cais.pays": "taken"}, "cells": {"noisy": ["cais"]}}
+TINY = {
+    "protocol.baseline_steps": 3,
+    "protocol.attached_steps": 5,
+    "protocol.extinction_steps": 3,
+    "collect.steps": 6,
+    "encoder.widths": [2, 4, 4, 4],
+    "encoder.pairs": 4,
+    "encoder.iterations": 2,
+    "calibrate.steps": 6,
+    "effects.steps": 40,
+    "effects.alternatives": {},
+    "sweep.rewards": ["mtl", "cais"],
+    "sweeps.variants": VARIANTS,
+}
+TRIAL = "encoder: {iterations: 1}\n"  # in place of params.preview.yaml, which the stage `trial` reads
+
+# Stages in the order of dvc.yaml, those of a matrix by patterns.
+STAGES = [
+    "collect", "encoder", "trial", "calibrate", "effects", "train", "runs@*", "analyse", "vary", "variants@*",
+    "compare", "claims", "catalogue", "figures", "report",
+]  # fmt: skip
+ALL = frozenset(STAGES)
+ENDS = frozenset({"claims", "catalogue", "report"})
+OF_RUNS = ENDS | {"train", "runs@*", "analyse", "figures"}
+OF_VARIANTS = ENDS | {"vary", "variants@*", "compare"}
+OF_CAIS = ENDS | {"train", "runs@*-cais", "analyse", "figures", "vary", "variants@eager", "compare"}
+# What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
+SCALES = frozenset({"scales", "variants' scales"})
+BEFORE = SCALES | {"frames", "encoder", "trial", "effects"}
+EAGER, HEAVY = "eager: free-cais", "heavy: noisy-mtl"
+RUNS = frozenset({"*", EAGER, HEAVY})
+NONE: Set[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Edit:
+    """A key of params.yaml gets a value; which stages run, and what is computed, that is, not found in the store."""
+
+    key: str
+    value: Any
+    stages: Set[str]
+    made: Set[str] = NONE
+    runs: Set[str] = NONE
+
+
+EDITS = (
+    Edit("seed", 1, ALL, BEFORE, RUNS),
+    Edit("protocol.limb", "right_hand", ALL, BEFORE, RUNS),
+    Edit("protocol.attached_steps", 6, OF_RUNS | OF_VARIANTS, NONE, RUNS),
+    # The encoder has seen both conditions, so each decides all runs.
+    Edit("conditions.free.force", 1.0, ALL, BEFORE, RUNS),
+    Edit("conditions.noisy.force", 20.0, ALL, BEFORE, RUNS),
+    Edit("world.mobile_mass", 0.05, ALL, BEFORE, RUNS),
+    Edit("collect.steps", 7, ALL, BEFORE, RUNS),
+    Edit("collect.held_out", 0.4, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
+    Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
+    # The stage `trial` has its own number of iterations.
+    Edit("encoder.iterations", 3, ALL - {"collect"}, BEFORE - {"frames", "trial"}, RUNS),
+    Edit("agent.temperature", 0.4, ALL, BEFORE, RUNS),  # decides the resting policy too
+    Edit("agent.gamma", 0.2, OF_RUNS | OF_VARIANTS, NONE, RUNS),
+    Edit("outcomes.kappa", 0.1, OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
+    Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
+    Edit("calibrate.steps", 8, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
+    Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
+    Edit("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}, {"effects", "report"}, {"effects"}),
+    Edit(
+        "rewards.gain",  # of which `eager` has its own
+        0.4,
+        OF_RUNS | OF_VARIANTS - {"variants@*"} | {"calibrate", "variants@heavy"},
+        NONE,
+        RUNS - {EAGER},
+    ),
+    Edit("rewards.scale", "running", OF_RUNS | OF_VARIANTS | {"calibrate"}, NONE, RUNS),
+    Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
+    # Its scale is measured, but no run here has Surprise in its reward.
+    Edit("rewards.surprise.pays", "move", ENDS | {"calibrate", "train", "analyse", "vary"}, SCALES),
+    Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*"}),
+    Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
+    Edit("sweep.seeds", 2, OF_RUNS, NONE, {"*, seed 1"}),
+    Edit("sweep.chunk", 2, {"report"}),  # has all of params.yaml
+    Edit("sweeps.seeds", 2, OF_VARIANTS, NONE, {f"{EAGER}, seed 1", f"{HEAVY}, seed 1"}),
+    Edit(
+        "sweeps.variants.eager.set",
+        {"rewards.gain": 3.0},
+        OF_VARIANTS - {"variants@*"} | {"variants@eager"},
+        NONE,
+        {EAGER},
+    ),
+    Edit(
+        "sweeps.variants.heavy.set",
+        {"world.mobile_mass": 2.0},
+        OF_VARIANTS - {"variants@*"} | {"variants@heavy"},
+        {"variants' scales"},
+        {HEAVY},
+    ),
+    Edit(
+        "sweeps.variants.eager.cells",
+        {"free": ["cais", "mtl"]},
+        OF_VARIANTS - {"variants@*"} | {"variants@eager"},
+        NONE,
+        {"eager: free-mtl"},
+    ),
+    Edit("sweeps.variants.eager.asks", "!", {"vary", "compare", "claims", "report"}),
+    Edit(
+        "sweeps.variants.taken",
+        TAKEN,
+        OF_VARIANTS - {"variants@*"} | {"variants@taken"},
+        {"variants' scales"},
+        {"taken: noisy-cais"},
+    ),
+)
+PLAINLY = next(each for each in EDITS if each.key == "rewards.gain")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a `dvc repro` did: as in Edit, and what it said."""
+
+    code: int
+    said: str
+    stages: Set[str]
+    made: Set[str]
+    runs: Set[str]
+
+
+pytestmark = pytest.mark.timeout(1200)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]]:
+    """What came of each edit by its key, and of the one made plainly."""
+    top = tmp_path_factory.mktemp("sections")
+    base = top / quick.BASE
+    preview.prepare(ROOT, base)
+    edit(base, *TINY.items())
+    (base / preview.OVERRIDES).write_text(TRIAL)
+    edits = {quick.PLAIN: PLAINLY} | {each.key: each for each in EDITS}
+    (top / "edits.json").write_text(json.dumps({name: {each.key: each.value} for name, each in edits.items()}))
+    done = python(base, "tests.pipeline.quick", str(top))
+    assert done.returncode == 0, done.stderr
+    first = _found(top, quick.BASE)
+    assert (first.code, first.stages, first.made, first.runs) == (0, ALL, BEFORE, RUNS), first.said
+    yield {name: _found(top, name) for name in edits}
+    shutil.rmtree(top)
+
+
+def test_every_section_is_edited() -> None:
+    assert {each.key.split(".")[0] for each in EDITS} == set(Params.model_fields)
+
+
+@pytest.mark.parametrize("each", EDITS, ids=lambda each: each.key)
+def test_an_edit_runs_only_what_it_affects(found: dict[str, Found], each: Edit) -> None:
+    _assert_as_expected(found[each.key], each)
+
+
+def test_plain_dvc_repro_does_the_same(found: dict[str, Found]) -> None:
+    _assert_as_expected(found[quick.PLAIN], PLAINLY)
+
+
+def test_the_table_in_the_docs_says_so() -> None:
+    assert TABLE.read_text() == table(), f"{TABLE.name} says other than EDITS; write it with `{WRITE}`"
+
+
+def table() -> str:
+    """What docs/what-reruns.md holds."""
+    rows = (
+        (code([_edited(each)]), _stages(each.stages), _all_but(each.made, BEFORE), _runs(each.runs)) for each in EDITS
+    )
+    return TEXT.format(write=WRITE, rows="\n".join(f"| {' | '.join(row)} |" for row in rows))
+
+
+def code(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+TEXT = """\
+# What an edit of params.yaml runs again
+
+One value is edited, then `dvc repro` runs. A stage that runs need not compute: what it finds in the run store, under
+the digest of all that it depends on, it takes from there. The last two columns have what it does not find: frames,
+encoder, `trial` (which `make verify` repeats), effects, scales and variants' scales; and runs.
+
+The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and two variants: `eager` has another
+`rewards.gain` in the cell free-cais, `heavy` another `world.mobile_mass` in noisy-mtl. tests/pipeline/test_sections.py
+makes each edit and holds its row to what then happens; `{write}` writes this file.
+
+| edited | stages that run | computed, runs apart | runs computed |
+|---|---|---|---|
+{rows}
+
+`runs@*` stands for all cells of the sweep, `runs@*-cais` for those with CAIS; likewise `*` and `*-cais` for runs. Every
+edit runs `report`, which prints all of params.yaml. A value set back comes from DVC's cache, and nothing is computed.
+"""
+
+
+def _edited(each: Edit) -> str:
+    value = yaml.safe_dump(each.value, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+    return f"{each.key}: {value}" if len(value) < 40 else each.key
+
+
+def _stages(names: Set[str]) -> str:
+    missing = [name for name in STAGES if name not in names]
+    if len(missing) < 5:
+        return f"all but {code(missing)}" if missing else "all"
+    return code(sorted(names, key=lambda name: STAGES.index(name if name in ALL else f"{name.split('@')[0]}@*")))
+
+
+def _all_but(names: Set[str], known: Set[str]) -> str:
+    missing = ", ".join(sorted(known - names))
+    if len(known - names) < 3:
+        return f"all but {missing}" if missing else "all"
+    return ", ".join(sorted(names)) or "none"
+
+
+def _runs(names: Set[str]) -> str:
+    return "all" if names == RUNS else code(sorted(names)) or "none"
+
+
+def _assert_as_expected(found: Found, each: Edit) -> None:
+    assert found.code == 0, found.said
+    assert found.stages == each.stages
+    assert found.made == each.made
+    assert found.runs == each.runs
+
+
+def _found(top: Path, name: str) -> Found:
+    project = top / name
+    *said, code = (top / f"{name}.log").read_text().rstrip().splitlines()
+    if code != "0":
+        return Found(int(code), "\n".join(said), NONE, NONE, NONE)
+    new = _kept(project) - (_kept(top / quick.BASE) if name != quick.BASE else set())
+    p = yaml.safe_load((project / "params.yaml").read_text())
+    cells = [f"{c}-{r}" for c, r in itertools.product(p["sweep"]["conditions"], p["sweep"]["rewards"])]
+    groups = {"runs@": cells, "variants@": list(p["sweeps"]["variants"])}
+    stages = ran("\n".join(said))
+    for group, members in groups.items():
+        own = {stage for stage in stages if stage.startswith(group)}
+        stages = stages - own | {group + name for name in _patterns({s.removeprefix(group) for s in own}, members)}
+    return Found(0, "\n".join(said), stages, _made(project, new), _computed(project, new, cells))
+
+
+def _kept(project: Path) -> set[Path]:
+    """Everything in the store."""
+    return {path.relative_to(project / paths.STORE) for path in (project / paths.STORE).glob("*/*.h5")}
+
+
+def _made(project: Path, new: set[Path]) -> set[str]:
+    """Names of the new artifacts that are no runs."""
+    single = {
+        artifact.read(project / path, schema).digest: name
+        for name, path, schema in (
+            ("encoder", paths.ENCODER, "encoder"),
+            ("trial", paths.TRIAL, "encoder"),
+            ("scales", paths.SCALES, store.SCALE),
+        )
+    }
+    others = {"frames": "frames", "effects": "effects", "scales": "variants' scales"}
+    return {single.get(path.stem) or others[path.parent.name] for path in new if path.parent.name != "runs"}
+
+
+def _computed(project: Path, new: set[Path], cells: list[str]) -> set[str]:
+    """Names of the new runs."""
+    listed = {
+        run["digest"]: run
+        for folder in (paths.VARIANT_MANIFESTS, paths.MANIFESTS)
+        for path in (project / folder).glob("*.json")
+        for run in json.loads(path.read_text())
+    }
+    runs = [listed[path.stem] for path in new if path.parent.name == "runs"]
+    for run in runs:
+        about = artifact.read(project / paths.STORE / "runs" / f"{run['digest']}.h5", store.RUN).about
+        assert all(about[key] == run[key] for key in ("condition", "reward", "seed"))
+    names = set()
+    for variant, seed in {(run["variant"], run["seed"]) for run in runs}:
+        own = {f"{r['condition']}-{r['reward']}" for r in runs if (r["variant"], r["seed"]) == (variant, seed)}
+        suffix = f", seed {seed}" if seed else ""
+        names |= {f"{variant}: {cell}{suffix}" for cell in own} if variant else {
+            f"{cell}{suffix}" for cell in _patterns(own, cells)
+        }  # fmt: skip
+    return names
+
+
+def _patterns(names: set[str], members: list[str]) -> set[str]:
+    """`*` where all members are named, `*-<reward>` where all cells with a reward are, else each name."""
+    if names == set(members) and names:
+        return {"*"}
+    found = set()
+    for name in names:
+        alike = {member for member in members if member.partition("-")[2] == name.partition("-")[2]}
+        found.add(f"*-{name.partition('-')[2]}" if "-" in name and alike <= names else name)
+    return found
+
+
+if __name__ == "__main__":
+    TABLE.parent.mkdir(exist_ok=True)
+    TABLE.write_text(table())

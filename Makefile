@@ -33,7 +33,7 @@ preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
 
 test: $(STAMP) ## The whole test suite
 	@python -m stages.gl --install
-	python -m pytest -n logical --dist loadfile
+	python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 check: $(STAMP) ## Format, lint, types
 	ruff format --check .

@@ -131,11 +131,15 @@ def mount() -> Iterator[Mount]:
 # A worker, whose loss the sweep survives.
 
 
-def test_a_killed_worker_is_replaced(pipeline: Pipeline) -> None:
-    repro = pipeline.start()
-    kept = repro.until_midway()
-    repro.workers()[0].kill()
-    pipeline.completes(repro, kept)
+def test_a_killed_worker_is_replaced_and_a_second_repro_is_told_who_works(pipeline: Pipeline) -> None:
+    first = pipeline.start()
+    kept = first.until_midway()
+    first.workers()[0].kill()
+    second = pipeline.start()
+    assert second.end() != 0
+    assert re.search(rf"\(PID {first.pid}\): .*repro", second.said), second.said
+    assert "Traceback" not in second.said
+    pipeline.completes(first, kept)
 
 
 def test_a_worker_out_of_memory_is_replaced(pipeline: Pipeline) -> None:
@@ -198,16 +202,6 @@ def test_the_next_waits_for_the_orphan_of_a_killed_repro_which_ends(pipeline: Pi
     driver.resume()
     kept = pipeline.stopped(first, STOPPED, kept)
     pipeline.completes(second, kept)
-
-
-def test_of_two_at_once_one_works_and_the_other_names_it(pipeline: Pipeline) -> None:
-    first = pipeline.start()
-    kept = first.until_midway()
-    second = pipeline.start()
-    assert second.end() != 0
-    assert re.search(rf"\(PID {first.pid}\): .*repro", second.said), second.said
-    assert "Traceback" not in second.said
-    pipeline.completes(first, kept)
 
 
 # The disk.

@@ -6,12 +6,14 @@ import fcntl
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 
+import psutil  # type: ignore[import-untyped]
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
@@ -23,7 +25,7 @@ LINE_SECONDS = 30  # between lines where there is no terminal
 MEND = "free space or mend permissions, then run again"
 STOPPED = "Stopped; what was finished is kept."
 REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}  # of a disk
-PARENT = os.getppid()  # early: seconds of imports follow, in which it may be lost
+WATCH_SECONDS = 0.25  # between looks whether `dvc repro` still runs
 
 
 class StageError(Fault):
@@ -37,8 +39,9 @@ def main(work: Callable[[], None]) -> int:
     end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
     """
     signal.signal(signal.SIGTERM, _stop)
+    if STARTER:
+        threading.Thread(target=_end_with, args=(STARTER,), daemon=True).start()
     try:
-        _end_with_dvc()
         with alone():
             work()
     except Fault as fault:
@@ -97,19 +100,33 @@ def _stop(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def end_with_parent(signum: signal.Signals) -> None:
-    """Have the kernel send a signal when the process that started this one is gone (Linux)."""
+def die_with_parent() -> None:
+    """Have the kernel kill this process when the one that started it is gone (Linux)."""
     if sys.platform == "linux":
         death = 1  # PR_SET_PDEATHSIG of prctl(2)
-        ctypes.CDLL(None).prctl(death, signum)
+        ctypes.CDLL(None).prctl(death, signal.SIGKILL)
 
 
-def _end_with_dvc() -> None:
-    """End in good order when the `dvc repro` that started this stage is gone."""
-    if os.environ.get("DVC_STAGE"):
-        end_with_parent(signal.SIGTERM)
-        if os.getppid() != PARENT:  # it was gone before
-            raise KeyboardInterrupt
+def _starter() -> psutil.Process | None:
+    """The `dvc` that runs this stage: the nearest ancestor without its DVC_STAGE, as a shell may stand between."""
+    stage = os.environ.get("DVC_STAGE")
+    if stage:
+        with suppress(psutil.Error):
+            for process in psutil.Process().parents():
+                if process.environ().get("DVC_STAGE") != stage:
+                    return process
+    return None
+
+
+STARTER = _starter()  # early: seconds of imports follow, in which it may be lost
+
+
+def _end_with(starter: psutil.Process) -> None:
+    """Stop this stage in good order when its `dvc` is gone, however that ended."""
+    with suppress(psutil.Error):
+        while starter.is_running() and starter.status() != psutil.STATUS_ZOMBIE:
+            time.sleep(WATCH_SECONDS)
+    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
 
 
 def _uncaught(kind: type[BaseException], value: BaseException, trace: TracebackType | None) -> None:

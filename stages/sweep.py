@@ -292,7 +292,7 @@ class _Board:
     """Where workers write how far they are."""
 
     def __init__(self) -> None:
-        console.end_with_parent(signal.SIGKILL)
+        console.die_with_parent()
         self._steps: dict[str, int] = {}
 
     def put(self, chunk: str, steps: int) -> None:
@@ -304,7 +304,7 @@ class _Board:
 
 @ray.remote(num_cpus=1, max_retries=RETRIES)
 def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
-    console.end_with_parent(signal.SIGKILL)  # when the driver was killed, Ray lets a worker live for another minute
+    console.die_with_parent()  # when the driver was killed, Ray lets a worker live for another minute
     last = 0.0
 
     def report(done: int) -> None:
@@ -318,7 +318,7 @@ def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
 
 @ray.remote(num_cpus=1, max_retries=RETRIES)
 def _call(task: Callable[[], bytes]) -> bytes:
-    console.end_with_parent(signal.SIGKILL)
+    console.die_with_parent()
     return task()
 
 

@@ -29,13 +29,14 @@ class Repro:
 
     def __init__(self, project: Path, *targets: str) -> None:
         self.project, self._log = project, project.parent / f"repro-{time.monotonic_ns()}.log"
-        # A process started in the background may have inherited SIGINT as ignored: hence `env`.
+        # A process started in the background may have inherited SIGINT as ignored: hence `env`. DVC runs a stage by
+        # SHELL; Debian's sh, unlike bash, stays between the two.
         path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(
                 ["env", "--default-signal=INT", sys.executable, "-m", "dvc", "repro", *targets],
-                cwd=project, env=os.environ | {"PATH": path}, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                start_new_session=True,
+                cwd=project, env=os.environ | {"PATH": path, "SHELL": "/bin/sh"}, stdin=subprocess.DEVNULL,
+                stdout=log, stderr=log, start_new_session=True,
             )  # fmt: skip
         self.pid = self._process.pid
 
@@ -62,8 +63,8 @@ class Repro:
         return found
 
     def driver(self) -> psutil.Process:
-        """The stage that runs the sweep."""
-        (found,) = self.named("-m stages.train")
+        """The stage that runs the sweep; a shell may stand between it and `dvc`, with the same words."""
+        (found,) = (process for process in self.named("-m stages.train") if "python" in Path(process.exe()).name)
         return found
 
     def workers(self) -> list[psutil.Process]:

@@ -1,6 +1,13 @@
 """What a person sees of a stage: sentences, exit codes, lines of progress."""
 
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -60,6 +67,48 @@ def test_an_interrupt_is_130(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_exit_passes_through() -> None:
     with pytest.raises(SystemExit):
         raising(SystemExit(2))
+
+
+STAGE = """import sys
+import time
+from pathlib import Path
+from stages import console
+
+sys.stderr = open("said", "w", buffering=1)
+
+
+def work():
+    Path("begun").touch()
+    time.sleep(60)
+
+
+console.main(work)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="shells and signals as on Linux")
+@pytest.mark.parametrize("shell", ["/bin/sh", "bash"])
+def test_a_stage_ends_with_its_dvc(shell: str, tmp_path: Path) -> None:
+    """Debian's sh stays between dvc and the stage, bash does not."""
+    if not shutil.which(shell):
+        pytest.skip(f"no {shell}")
+    (tmp_path / "stage.py").write_text(STAGE)
+    (tmp_path / "dvc.yaml").write_text(json.dumps({"stages": {"long": {"cmd": f"{sys.executable} stage.py"}}}))
+    dvc = [sys.executable, "-m", "dvc"]
+    root = str(Path(__file__).parents[2])
+    own = os.environ | {"SHELL": str(shutil.which(shell)), "PYTHONPATH": root}
+    subprocess.run([*dvc, "init", "-q", "--no-scm"], check=True)
+    with subprocess.Popen([*dvc, "repro", "-q"], env=own) as repro:
+        until(lambda: Path("begun").exists())
+        repro.send_signal(signal.SIGKILL)
+    until(lambda: Path("said").read_text() == f"{console.STOPPED}\n")
+
+
+def until(reached: Callable[[], bool], seconds: float = 40) -> None:
+    end = time.monotonic() + seconds
+    while not reached():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 class Clock:

@@ -1,6 +1,5 @@
 """A real `dvc repro` to be disturbed: its processes, what it keeps, mounts and a memory limit that end with a test."""
 
-import hashlib
 import os
 import shutil
 import signal
@@ -17,6 +16,7 @@ import yaml
 
 from mimo import artifact
 from stages import store
+from tests.pipeline import project as small
 
 PATIENCE = 240.0  # seconds; a sweep of eight tiny runs takes 15 on two idle cores
 ENDING = 60.0  # seconds that Ray's daemons may take to end
@@ -114,15 +114,6 @@ def wait(reached: Callable[[], Any], otherwise: Callable[[], str], seconds: floa
         time.sleep(0.02)
 
 
-def edit(project: Path, changes: dict[str, Any]) -> None:
-    path = project / "params.yaml"
-    whole = yaml.safe_load(path.read_text())
-    for key, value in changes.items():
-        section, name = key.split(".")
-        whole[section][name] = value
-    path.write_text(yaml.safe_dump(whole, sort_keys=False))
-
-
 def forget(project: Path) -> None:
     """As if train had never run, but for the store: neither data/ nor dvc.lock nor DVC's run cache knows of it."""
     for folder in ("data/runs", "data/manifests"):
@@ -138,12 +129,8 @@ def forget(project: Path) -> None:
 
 def digests(project: Path) -> dict[str, str]:
     """SHA-256 of every file of data/ and of the store's runs, but for damaged ones that were set aside."""
-    files = [path for folder in ("data", ".work/runs") for path in (project / folder).rglob("*.*") if path.is_file()]
-    return {
-        str(path.relative_to(project)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(files)
-        if path.suffix != ".damaged"
-    }
+    found = small.digests(project, "data", ".work/runs")
+    return {name: digest for name, digest in found.items() if not name.endswith(".damaged")}
 
 
 def finished(project: Path) -> dict[str, tuple[int, int]]:

@@ -13,11 +13,13 @@ import pytest
 from stages import preview
 from tests.faults import harness
 from tests.faults.harness import Repro
+from tests.pipeline.project import edit
 
 ROOT = Path(__file__).parents[2]
 TINY = {
+    "sweep.conditions": ["free"],
     "sweep.rewards": ["mtl", "cais"],
-    "sweep.seeds": 2,
+    "sweep.seeds": 4,
     "sweep.chunk": 1,
     "protocol.baseline_steps": 6,
     "protocol.attached_steps": 12,
@@ -84,7 +86,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
     """Computed undisturbed."""
     project = tmp_path_factory.mktemp("undisturbed") / "project"
     preview.prepare(ROOT, project)
-    harness.edit(project, TINY)
+    edit(project, *TINY.items())
     made = Pipeline(project, {})
     repro = made.start(workers=False)
     try:
@@ -131,7 +133,8 @@ def mount() -> Iterator[Mount]:
 # A worker, whose loss the sweep survives.
 
 
-def test_a_killed_worker_is_replaced_and_a_second_repro_is_told_who_works(pipeline: Pipeline) -> None:
+def test_lost_workers_are_replaced_and_a_second_repro_is_told_who_works(pipeline: Pipeline) -> None:
+    """One is killed by `kill -9`, one by the kernel, as its memory runs out."""
     first = pipeline.start()
     kept = first.until_midway()
     first.workers()[0].kill()
@@ -139,27 +142,21 @@ def test_a_killed_worker_is_replaced_and_a_second_repro_is_told_who_works(pipeli
     assert second.end() != 0
     assert re.search(rf"\(PID {first.pid}\): .*repro", second.said), second.said
     assert "Traceback" not in second.said
-    pipeline.completes(first, kept)
-
-
-def test_a_worker_out_of_memory_is_replaced(pipeline: Pipeline) -> None:
-    """The kernel kills it."""
-    with ExitStack() as stack:
-        try:
-            move, killed = stack.enter_context(harness.memory_limit(2**19))
-        except PermissionError as fault:
-            pytest.skip(f"no control group can be made here: {fault}")
-        repro = pipeline.start()
-        kept = repro.until_midway()
-        move(repro.workers()[0].pid)
-        repro.until(killed)
-        pipeline.completes(repro, kept)
+    try:
+        with harness.memory_limit(2**19) as (move, killed):
+            first.until(first.workers)
+            move(first.workers()[0].pid)
+            first.until(killed)
+            pipeline.completes(first, kept)
+    except PermissionError as fault:
+        pipeline.completes(first, kept)
+        pytest.skip(f"a worker was killed, but none runs out of memory: no control group can be made here: {fault}")
 
 
 # The driver, and `dvc repro` itself.
 
 
-def test_a_driver_killed_as_it_writes(pipeline: Pipeline) -> None:
+def test_a_driver_killed_as_it_writes_then_dvc_whose_orphan_the_next_waits_for(pipeline: Pipeline) -> None:
     """A run that is half-written bears a name of its own, and the next stage removes it; each whole one is noted."""
     noted = pipeline.project / ".work/provenance.jsonl"
     noted.unlink()
@@ -173,8 +170,21 @@ def test_a_driver_killed_as_it_writes(pipeline: Pipeline) -> None:
     if not harness.parts(pipeline.project):  # it was done writing: leave what would else be left
         whole = (pipeline.runs / next(iter(kept))).read_bytes()
         (pipeline.runs / f".{'0' * 64}.h5.0123456789abcdef.part").write_bytes(whole[: len(whole) // 2])
-    (pipeline.project / "data/.scales.h5.0123456789abcdef.part").touch()
-    pipeline.goes_on(kept)
+    left = pipeline.project / "data/.scales.h5.0123456789abcdef.part"
+    left.touch()
+
+    first = pipeline.start()
+    first.until_midway(more_than=len(kept))
+    assert f"8 runs, {len(kept)} of them in the store." in first.said
+    assert not left.exists()
+    driver = first.driver()
+    driver.suspend()  # so that it surely outlives the start of the next
+    first.strike(signal.SIGKILL)
+    second = pipeline.start()
+    second.until(lambda: f"Waiting for process {driver.pid} (-m stages.train --workers 2)" in second.said)
+    driver.resume()
+    kept = pipeline.stopped(first, STOPPED, kept)
+    pipeline.completes(second, kept)
 
 
 def test_interrupted_then_terminated(pipeline: Pipeline) -> None:
@@ -189,19 +199,6 @@ def test_interrupted_then_terminated(pipeline: Pipeline) -> None:
     repro.strike(signal.SIGTERM)
     kept = pipeline.stopped(repro, STOPPED, kept)
     pipeline.goes_on(kept)
-
-
-def test_the_next_waits_for_the_orphan_of_a_killed_repro_which_ends(pipeline: Pipeline) -> None:
-    first = pipeline.start()
-    kept = first.until_midway()
-    driver = first.driver()
-    driver.suspend()  # so that it surely outlives the start of the next
-    first.strike(signal.SIGKILL)
-    second = pipeline.start()
-    second.until(lambda: f"Waiting for process {driver.pid} (-m stages.train --workers 2)" in second.said)
-    driver.resume()
-    kept = pipeline.stopped(first, STOPPED, kept)
-    pipeline.completes(second, kept)
 
 
 # The disk.

@@ -70,19 +70,12 @@ def test_a_constant_of_cais_reruns_its_cells_alone_and_set_back_it_comes_from_th
     assert digests(project, "data/runs", "reports") == runs
 
 
-def test_a_comment_in_the_learner_computes_nothing(project: Path) -> None:
-    before = digests(project, "data", "reports")
+def test_a_reward_of_ones_own_is_a_class_and_a_name_and_computes_its_runs_alone(project: Path) -> None:
+    """A comment in the learner, besides, computes nothing."""
+    before, runs = stored(project), digests(project, "data/runs")
+    others = digests(project, ".work/scales", ".work/effects", "data/variants")
     agent = project / "mimo/agent.py"
     agent.write_text(agent.read_text() + "\n# A comment.\n")
-    output = repro(project)
-    assert "4 runs, 4 of them in the store." in output
-    assert "3 runs, 3 of them in the store." in output
-    assert ran(output) == {"calibrate", "effects", "train", "vary"}
-    assert digests(project, "data", "reports") == before
-
-
-def test_a_reward_of_ones_own_is_a_class_and_a_name_and_computes_its_runs_alone(project: Path) -> None:
-    before, runs = stored(project), digests(project, "data/runs")
     code = project / "mimo/rewards.py"
     code.write_text(
         code.read_text()
@@ -100,7 +93,10 @@ class Stillness(Reward):
     edit(project, ("sweep.rewards", ["mtl", "cais", "stillness"]))
     output = repro(project)
     assert "6 runs, 4 of them in the store." in output
+    assert "3 runs, 3 of them in the store." in output
+    assert {"calibrate", "effects", "train", "vary"} <= ran(output)
     assert len(stored(project) - before) == 2
+    assert digests(project, ".work/scales", ".work/effects", "data/variants").items() >= others.items()
     after = digests(project, "data/runs")
     assert {name: after[name] for name in runs} == runs
     assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
@@ -185,21 +181,21 @@ def shift(held: artifact.Artifact) -> dict[str, artifact.Dataset]:
     return held.datasets | {"reward": artifact.Dataset(reward, "scaled reward", "step, joint")}
 
 
-def alter(project: Path, datasets: Callable[[artifact.Artifact], dict[str, artifact.Dataset]]) -> None:
-    """Publish another run in the place of RUN."""
-    held = artifact.read(project / RUN, store.RUN)
+def alter(project: Path, run: Path, datasets: Callable[[artifact.Artifact], dict[str, artifact.Dataset]]) -> None:
+    """Publish another run in its place."""
+    held = artifact.read(project / run, store.RUN)
     assert held.inputs is not None
-    artifact.write(project / RUN, store.RUN, identity.Digest(held.inputs), datasets(held), held.about)
+    artifact.write(project / run, store.RUN, identity.Digest(held.inputs), datasets(held), held.about)
     listed = json.loads((project / paths.ARTIFACTS).read_text())
-    listed[str(RUN)]["content"] = artifact.content(project / RUN)
+    listed[str(run)]["content"] = artifact.content(project / run)
     (project / paths.ARTIFACTS).write_text(json.dumps(listed))
 
 
-def drawing(project: Path) -> tuple[str, ...]:
-    """Options by which the sample is RUN alone."""
+def drawing(project: Path, *runs: Path) -> tuple[str, ...]:
+    """Options by which these are the sample."""
     listed = catalogue.published((project / paths.ARTIFACTS).read_text())
-    draw = next(draw for draw in range(99) if verify.sample(listed, 1, draw) == [RUN])
-    return "--runs", "1", "--draw", str(draw)
+    draw = next(draw for draw in range(99) if verify.sample(listed, len(runs), draw) == sorted(runs))
+    return "--runs", str(len(runs)), "--draw", str(draw)
 
 
 def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
@@ -214,8 +210,8 @@ def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
 
 
 def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> None:
-    alter(project, shift)
-    said = python(project, "stages.verify", *drawing(project))
+    alter(project, RUN, shift)
+    said = python(project, "stages.verify", *drawing(project, RUN))
     assert said.returncode == 1
     assert f"{RUN}: not the published one: reward differs first at step 4, by 0.5 (" in said.stdout
     assert "data/trial.h5: the published bytes." in said.stdout
@@ -223,26 +219,26 @@ def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> Non
 
 
 def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path) -> None:
+    """One run differs within it, another beyond."""
     assert python(project, "stages.provenance").returncode == 0
     found = json.loads((project / paths.PUBLISHED_ON).read_text())
     found["machines"][0]["class"] = "x86_64 AnotherVendor avx"
     (project / paths.PUBLISHED_ON).write_text(json.dumps(found))
-    alter(project, shift)
-    said = python(project, "stages.verify", *drawing(project))
-    assert said.returncode == 0, said.stdout + said.stderr
-    assert "is of another class than the published results'" in said.stdout
-    assert (
-        f"{RUN}: within the tolerance 0.05 of mean P(MOVE): 0.000 apart; reward differs first at step 4" in said.stdout
-    )
 
     def still(held: artifact.Artifact) -> dict[str, artifact.Dataset]:
         moving = held["move_probability"]
         return held.datasets | {"move_probability": artifact.Dataset(np.zeros_like(moving), "1", "step, joint")}
 
-    alter(project, still)
-    said = python(project, "stages.verify", *drawing(project))
+    other = paths.run("free", "cais", 0)
+    alter(project, RUN, shift)
+    alter(project, other, still)
+    said = python(project, "stages.verify", *drawing(project, RUN, other))
     assert said.returncode == 1
-    assert f"{RUN}: not the published one, nor within the tolerance 0.05 of mean P(MOVE)" in said.stdout
+    assert "is of another class than the published results'" in said.stdout
+    told = "tolerance 0.05 of mean P(MOVE)"
+    assert f"{RUN}: within the {told}: 0.000 apart; reward differs first at step 4" in said.stdout
+    assert f"{other}: not the published one, nor within the {told}" in said.stdout
+    assert said.stderr.splitlines()[-1] == "1 of 3 artifacts are not the published ones."
 
 
 def test_a_sample_is_not_compared_with_what_the_tree_would_not_make(project: Path) -> None:

@@ -78,20 +78,13 @@ class Edit:
 
 EDITS = (
     Edit("seed", 1, ALL, BEFORE, RUNS),
-    Edit("protocol.limb", "right_hand", ALL, BEFORE, RUNS),
     Edit("protocol.attached_steps", 6, OF_RUNS | OF_VARIANTS, NONE, RUNS),
     # The encoder has seen both conditions, so each decides all runs.
-    Edit("conditions.free.force", 1.0, ALL, BEFORE, RUNS),
     Edit("conditions.noisy.force", 20.0, ALL, BEFORE, RUNS),
     Edit("world.mobile_mass", 0.05, ALL, BEFORE, RUNS),
-    Edit("collect.steps", 7, ALL, BEFORE, RUNS),
     Edit("collect.held_out", 0.4, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
     Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
-    # The stage `trial` has its own number of iterations.
-    Edit("encoder.iterations", 3, ALL - {"collect"}, BEFORE - {"frames", "trial"}, RUNS),
-    Edit("agent.temperature", 0.4, ALL, BEFORE, RUNS),  # decides the resting policy too
     Edit("agent.gamma", 0.2, OF_RUNS | OF_VARIANTS, NONE, RUNS),
-    Edit("outcomes.kappa", 0.1, OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
     Edit("calibrate.steps", 8, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
     Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
@@ -142,7 +135,7 @@ EDITS = (
         {"taken: noisy-cais"},
     ),
 )
-PLAINLY = next(each for each in EDITS if each.key == "rewards.gain")
+PLAINLY = next(each for each in EDITS if each.key == "sweeps.variants.eager.set")
 
 
 @dataclass(frozen=True)

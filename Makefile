@@ -31,9 +31,10 @@ preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
 	@python -m stages.gl --install
 	@python -m stages.preview
 
+# One worker more than there are processors: many a test waits for processes of its own.
 test: $(STAMP) ## The whole test suite
 	@python -m stages.gl --install
-	python -m pytest -n logical --dist loadfile --no-loadscope-reorder
+	python -m pytest -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadfile --no-loadscope-reorder
 
 check: $(STAMP) ## Format, lint, types
 	ruff format --check .

@@ -8,10 +8,12 @@ import pytest
 import yaml
 
 from stages import preview
+from tests import once
 from tests.pipeline.project import done, edit
 
 ROOT = Path(__file__).parents[2]
 GAIN = yaml.safe_load((ROOT / "params.yaml").read_text())["rewards"]["gain"]
+CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
 VARIANTS = {  # the first changes nothing, the second no scale, the third scales too
     "same": {"asks": "?", "set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
     "greedy": {"asks": "?", "set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
@@ -25,7 +27,11 @@ DVC_CONFIG = (
 @pytest.fixture(scope="session")
 def published(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A project made from nothing, its results committed, its data pushed to a folder; and what `make paper` said."""
-    top = tmp_path_factory.mktemp("published")
+    top, said = once.made(tmp_path_factory, "published", _publish)
+    return top / "project", said
+
+
+def _publish(top: Path) -> str:
     project = top / "project"
     preview.prepare(ROOT, project)
     edit(
@@ -48,7 +54,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     done(project, "git", "add", "-A")
     done(project, "git", "commit", "-qm", "Published")
     done(project, "dvc", "push", "-q")
-    return project, said
+    return said
 
 
 @pytest.fixture

@@ -1,9 +1,9 @@
-"""One run: what it records, that its bytes are its own in any company, and what its identity depends on."""
+"""One run: what it records, and that its bytes are its own in any company."""
 
 import hashlib
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import torch
 from mimo import artifact, identity, params, rewards, scene, streams
 from mimo.agent import MOVE, Agents
 from mimo.encoder import Extractor, Trained
-from mimo.experiment import Experiment, Record, RunError, Running, initial_quantiles, inputs
+from mimo.experiment import Experiment, Record, RunError, Running, initial_quantiles
 from mimo.eye import Eye
 from mimo.outcomes import Outcomes
 from mimo.params import Params
@@ -373,126 +373,3 @@ def test_diverged_physics_stop_the_run(
     monkeypatch.setattr(Worlds, "_check", diverge)
     with pytest.raises(RunError, match=r"^free, rtl, seeds 0, 3 stopped at step 1: the physics of world 1"):
         Experiment(tiny, "free", "rtl", [0, 3], trained, scales).run()
-
-
-# What names a run.
-
-
-def digest(p: Params, condition: str, reward: str, scales: dict[str, float], seed: int = 0, encoder: str = "e") -> str:
-    return identity.Digest(inputs(p, condition, reward, seed, encoder, scales))
-
-
-Place = tuple[str, ...]
-
-
-def leaves(section: params.Section, above: Place = ()) -> list[Place]:
-    found: list[Place] = []
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        found += leaves(value, (*above, name)) if isinstance(value, params.Section) else [(*above, name)]
-    return found
-
-
-def altered(section: Any, path: Sequence[str]) -> Any:
-    """`section` with another value at `path`."""
-    name, *rest = path
-    value = getattr(section, name)
-    if rest:
-        return section.model_copy(update={name: altered(value, rest)})
-    other: Any
-    if isinstance(value, str):
-        other = {"left_foot": "right_foot", "move": "taken", "taken": "move", "resting": "running"}[value]
-    elif isinstance(value, list):
-        other = value[1:]
-    else:
-        other = {} if isinstance(value, dict) else value + 1
-    return section.model_copy(update={name: other})
-
-
-def read_by(condition: str, reward: str) -> set[Place]:
-    """The parameters that a run reads."""
-    whole = {"protocol", "world", "agent"} | ({"outcomes"} if "cais" in reward or "surprise" in reward else set())
-    found = {path for path in leaves(P) if path[0] in whole}
-    found |= {("seed",), ("rewards", "gain"), ("rewards", "scale"), ("conditions", condition, "force")}
-    found |= {("encoder", name) for name in ("widths", "latent", "projection", "latent_sd")}
-    return found | {("rewards", part, "pays") for part in ("cais", "surprise") if part in reward}
-
-
-@pytest.mark.parametrize("reward", ["mtl", "cais", "rtl_surprise"])
-@pytest.mark.parametrize("condition", streams.CONDITIONS)
-def test_the_digest_changes_with_what_a_run_reads_alone(condition: str, reward: str, scales: dict[str, float]) -> None:
-    base = digest(P, condition, reward, scales)
-    assert base == digest(P.model_copy(), condition, reward, dict(reversed(scales.items())))
-    changed = {path for path in leaves(P) if digest(altered(P, path), condition, reward, scales) != base}
-    assert changed == read_by(condition, reward)
-
-
-@pytest.mark.parametrize(("condition", "reward"), [("free", "mtl"), ("noisy", "cais_surprise"), ("noisy", "rtl")])
-def test_a_run_reads_nothing_that_its_digest_leaves_out(
-    condition: str,
-    reward: str,
-    tiny: Params,
-    trained: Trained,
-    scales: dict[str, float],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    places = {id(tiny): ()} | {
-        id(section): path[:depth]
-        for path in leaves(tiny)
-        for depth in range(1, len(path))
-        if isinstance(section := _at(tiny, path[:depth]), params.Section)
-    }
-    seen: set[Place] = set()
-
-    def spy(self: params.Section, name: str) -> Any:
-        if id(self) in places and name in type(self).model_fields:
-            seen.add((*places[id(self)], name))
-        return super(params.Section, self).__getattribute__(name)
-
-    monkeypatch.setattr(params.Section, "__getattribute__", spy, raising=False)
-    Experiment(tiny, condition, reward, [0], trained, scales).run()
-    monkeypatch.undo()
-    read = seen & set(leaves(tiny))
-    assert ("agent", "temperature") in read
-    assert read <= read_by(condition, reward)
-
-
-def _at(section: Any, path: Place) -> Any:
-    for name in path:
-        section = getattr(section, name)
-    return section
-
-
-def test_the_digest_changes_with_run_encoder_and_scale(scales: dict[str, float]) -> None:
-    digests = [
-        digest(P, condition, reward, scales, seed, encoder)
-        for condition in streams.CONDITIONS
-        for reward in ALL
-        for seed in (0, 1)
-        for encoder in ("e", "f")
-    ]
-    assert len(set(digests)) == len(digests)
-    for reward in ALL:
-        base = digest(P, "free", reward, scales)
-        for name, scale in scales.items():
-            other = digest(P, "free", reward, scales | {name: 2 * scale})
-            assert (other != base) == (name in reward.split("_"))
-
-
-def test_with_running_scales_the_digest_leaves_the_resting_ones_out(scales: dict[str, float]) -> None:
-    changed = P.model_copy(update={"rewards": RUNNING})
-    for reward in ALL:
-        assert inputs(changed, "free", reward, 0, "e", scales)["scales"] == {}
-        assert digest(changed, "free", reward, scales) == digest(changed, "free", reward, {})
-
-
-def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, float]) -> None:
-    made = inputs(P, "noisy", "cais_surprise", 3, "e", scales)
-    assert identity.canonical(made)
-    assert (made["condition"], made["reward"], made["seed"], made["encoder"]) == ("noisy", "cais_surprise", 3, "e")
-    assert made["scales"] == {"cais": scales["cais"], "surprise": scales["surprise"]}
-    assert {"mimo.experiment", "mimo.world", "mimo.body", "mimo.rewards", "mimo.encoder"} <= set(made["code"])
-    assert made["versions"] == identity.versions()
-    mtl = inputs(P, "noisy", "mtl", 3, "e", scales)
-    assert mtl["code"]["mimo.rewards"] != made["code"]["mimo.rewards"]
-    assert mtl["code"]["mimo.agent"] == made["code"]["mimo.agent"]

@@ -1,0 +1,49 @@
+"""The report's table of constants, and numbers as people write them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from stages import numbers, report
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_constants_with_their_comments():
+    lines = (
+        "seed: 3 # ours: any",
+        "a:",
+        "  b: [1, 2] # m. paper §2.1; ours: more",
+        "  c: '#no'",
+        "  d:",
+        "  - x",
+        "  - y",
+        "e: 1.0 # paper appendix",
+        "sweeps:",
+        "  variants:",
+        "    f: {asks: 'why?', set: {a.b: [1, 2], e: 2.0}, cells: {free: [mtl]}}",
+    )
+    assert report.constants("\n".join(lines)) == [
+        report.Constant("seed", "3", "ours", "ours: any"),
+        report.Constant("a.b", "1, 2", "paper and ours", "m. paper §2.1; ours: more"),
+        report.Constant("a.c", "#no", "", ""),
+        report.Constant("a.d", "x, y", "", ""),
+        report.Constant("e", "1.0", "paper", "paper appendix"),
+        report.Constant("sweeps.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
+    ]
+
+
+def test_every_constant_of_params_yaml_says_its_source():
+    assert [
+        constant.key for constant in report.constants((ROOT / "params.yaml").read_text()) if not constant.source
+    ] == []
+
+
+def test_numbers_as_people_write_them():
+    assert numbers.number(-0.001) == "0.00"
+    assert numbers.number(-0.26) == "−0.26"
+    assert numbers.number(None) == "–"
+    assert report.spread({"mean": 0.5, "sd": None}) == "0.50"
+    assert numbers.rounded({"a": [1, 0.12345678], "b": -0.0, "c": np.float64("nan"), "d": float("-inf")}) == {
+        "a": [1, 0.123457], "b": 0.0, "c": None, "d": None,
+    }  # fmt: skip

@@ -19,6 +19,7 @@ from pydantic import BaseModel
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = "mimo"
 REWARDS = "mimo.rewards"
+LIBRARIES = {"mujoco": "mujoco-core", "torch": "torch", "numpy": "numpy"}  # mujoco-core: MuJoCo's minimal distribution
 # These decide no number: params.py only checks values that enter a digest resolved, artifact.py and identity.py only
 # store and name results (artifact.SCHEMA_VERSION refuses files of another layout).
 EXCLUDED = frozenset({"mimo.params", "mimo.identity", "mimo.artifact"})
@@ -91,9 +92,12 @@ def code(*modules: str, rewards: Collection[str] | None = None, root: Path = ROO
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that decide numbers, as installed."""
-    names = {"mujoco": "mujoco-core", "torch": "torch", "numpy": "numpy"}  # mujoco-core: MuJoCo's minimal distribution
-    return {name: importlib.metadata.version(distribution) for name, distribution in names.items()}
+    """Versions of the libraries that decide numbers, as installed.
+
+    Raises:
+        importlib.metadata.PackageNotFoundError: one is not.
+    """
+    return {name: importlib.metadata.version(distribution) for name, distribution in LIBRARIES.items()}
 
 
 def _plain(obj: object) -> object:

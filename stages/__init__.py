@@ -4,5 +4,6 @@ import os
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-# A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.
-os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+if not os.environ.get("RAY_ADDRESS"):
+    # A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.
+    os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")

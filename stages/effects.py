@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mimo import artifact, effects, encoder, identity, params
-from stages import console, numbers, paths, store, sweep
+from stages import console, crew, numbers, paths, store, sweep
 
 DIGITS = 4  # significant
 MEASURED = "effects"  # name of the one dataset, which is JSON
@@ -16,7 +16,7 @@ MEASURED = "effects"  # name of the one dataset, which is JSON
 
 def main() -> None:
     """Measure the worlds that the store lacks, then write all."""
-    crew = sweep.workers("python -m stages.effects")
+    workers = crew.asked("python -m stages.effects")
     p = params.load()
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
     sight = store.sight(held)
@@ -30,8 +30,7 @@ def main() -> None:
     }
     each = len(effects.REGIMES) * p.effects.steps * p.effects.worlds
     with console.Progress("Effects", len(todo) * each, "agent steps") as progress:
-        for name, data in sweep.each(todo, crew) if todo else ():
-            store.keep(store.EFFECT, digests[name], data)
+        for _ in sweep.fill(store.EFFECT, digests, todo, workers):
             progress.update(progress.done + each)
     found = {name: {"set": values} | read(digests[name]) for name, values in worlds.items()}
     steps = (p.effects.steps - effects.DROPPED) * p.effects.worlds

@@ -20,9 +20,10 @@ from stages import console, paths
 CHOOSING = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512bw", "avx512dq", "avx512vl", "amx_tile", "asimd", "sve")
 
 
-def note(schema: str, digest: str) -> None:
-    """Remember that the artifact was computed here and now."""
-    line = {"schema": schema, "digest": digest, "at": datetime.now(UTC).isoformat(timespec="seconds")} | machine()
+def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
+    """Remember that the artifact was computed now, on the machine `where` or (None) on this one."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    line = {"schema": schema, "digest": digest, "at": now} | (where or machine())
     paths.PROVENANCE.parent.mkdir(exist_ok=True)
     # One write to a file opened for appending; a line begins anew even where the one before was cut short.
     with paths.PROVENANCE.open("ab", buffering=0) as file:

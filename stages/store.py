@@ -6,6 +6,7 @@ An artifact enters whole, by os.replace. One that does not verify is set aside a
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from mimo import artifact
 from stages import paths, provenance
@@ -46,9 +47,11 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
     return False
 
 
-def keep(schema: str, digest: str, data: bytes) -> None:
-    """Take in the file of an artifact that was just computed."""
-    provenance.note(schema, digest)  # first: a note too many does no harm, an artifact without one cannot be published
+def keep(schema: str, digest: str, data: bytes, machine: dict[str, Any] | None = None) -> None:
+    """Take in the file of an artifact that was just computed, on that machine or (None) on this one."""
+    provenance.note(
+        schema, digest, machine
+    )  # first: a note too many does no harm, an artifact without one cannot be published
     artifact.publish(data, place(schema, digest))
 
 

@@ -1,60 +1,22 @@
-"""Sweeps: which runs are missing, and their computation in chunks, on Ray or in this process; all Ray code.
+"""Sweeps: which runs are missing, and their computation in chunks by a crew.
 
 A sweep is a grid of the paper's own runs, or one grid for each variant of the params.
 """
 
-import argparse
 import itertools
 import json
-import logging
-import os
-import signal
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import ray
 
-from mimo import artifact, encoder, experiment, identity, protocol, rewards
+from mimo import artifact, encoder, experiment, identity, protocol
 from mimo.params import Params
-from stages import console, paths, store
+from stages import console, crew, paths, store
+from stages.schedule import Chunk, Run, Schedule, of
 
-POLL_SECONDS = 1.0
-RETRIES = 3  # of a chunk whose worker died
-STARTS = 3  # of Ray, at most
 SMALL = 500  # agent steps that this process computes sooner than Ray starts
-OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
-SERIAL = 0  # workers: none, this process computes
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run and its digest; `variant` is empty for the paper's own."""
-
-    condition: str
-    reward: str
-    seed: int
-    digest: str
-    variant: str = ""
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Runs of one cell that train in lock step."""
-
-    runs: tuple[Run, ...]
-
-    @property
-    def name(self) -> str:
-        """For people: variant, condition, reward and seeds."""
-        first = self.runs[0]
-        seeds = ", ".join(str(run.seed) for run in self.runs)
-        return f"{_of(first)}{first.condition}, {first.reward}, seed {seeds}"
 
 
 @dataclass(frozen=True)
@@ -76,18 +38,6 @@ class Job:
     grids: Mapping[str, Grid]
 
 
-def workers(program: str) -> int | None:
-    """How many workers the command line asks for: SERIAL for --serial, None for one a CPU."""
-    parser = argparse.ArgumentParser(prog=program, epilog="The bytes are the same in any case.")
-    asked = parser.add_mutually_exclusive_group()
-    asked.add_argument("--serial", action="store_true", help="in this process, without Ray")
-    asked.add_argument("--workers", type=int, metavar="N", help="Ray workers on this machine (default: one a CPU)")
-    given = parser.parse_args()
-    if given.workers is not None and given.workers < 1:
-        parser.error("--workers must be at least 1")
-    return SERIAL if given.serial else given.workers
-
-
 def grid(p: Params) -> Grid:
     """The paper's own runs."""
     return Grid(p, scales(paths.SCALES), tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds)
@@ -104,8 +54,8 @@ def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> encoder.Tra
     return replace(found, quantiles=found.quantiles * np.float32(p.encoder.latent_sd / latent_sd))
 
 
-def complete(job: Job, size: int, crew: int | None) -> list[Run]:
-    """Compute the runs that are missing, in chunks of `size`, by `crew` workers; returns all runs of the job.
+def complete(job: Job, size: int, workers: int | None) -> list[Run]:
+    """Compute the runs that are missing, in chunks of at most `size`, by so many workers; returns all runs of the job.
 
     Raises:
         console.StageError: some failed; the others are kept.
@@ -113,7 +63,7 @@ def complete(job: Job, size: int, crew: int | None) -> list[Run]:
     all_runs = wanted(job)
     total, todo = len({run.digest for run in all_runs}), missing(all_runs)
     print(f"{total} runs, {total - len(todo)} of them in the store.", flush=True)
-    failed = compute(job, chunks(todo, size), crew) if todo else []
+    failed = compute(job, todo, size, workers) if todo else []
     if failed:
         raise console.StageError("\n".join([*failed, f"{len(failed)} of {total} runs failed; the others are kept."]))
     return all_runs
@@ -154,40 +104,49 @@ def missing(listed: list[Run]) -> list[Run]:
     return list(found.values())
 
 
-def chunks(todo: list[Run], size: int) -> list[Chunk]:
-    """Runs of one cell together, at most `size`.
-
-    Low seeds of every cell come first, so that an early look sees all cells; then those with outcome models, which
-    take longest.
-    """
-    cells: dict[tuple[str, str, str], list[Run]] = {}
-    for run in todo:
-        cells.setdefault((run.variant, run.condition, run.reward), []).append(run)
-    found = [Chunk(tuple(cell[i : i + size])) for cell in cells.values() for i in range(0, len(cell), size)]
-    return sorted(found, key=lambda chunk: (chunk.runs[0].seed, not rewards.needs_outcomes(chunk.runs[0].reward)))
-
-
-def compute(job: Job, todo: list[Chunk], crew: int | None) -> list[str]:
-    """Compute all chunks into the store.
+def compute(job: Job, todo: list[Run], size: int, workers: int | None) -> list[str]:
+    """Compute all runs into the store.
 
     A chunk that fails is tried again seed by seed, so that one bad run costs no other.
 
     Args:
-        job: what the chunks need.
-        todo: the chunks.
-        crew: how many workers; None for one a CPU, or none if there is little to compute; SERIAL for this process,
-            without Ray. The bytes are the same.
+        job: what the runs need.
+        todo: the runs.
+        size: how many runs a chunk has at most.
+        workers: how many; None for as many as there are CPUs, or none if there is little to compute; crew.SERIAL for
+            this process, without Ray. The bytes are the same.
 
     Returns:
         A sentence for each run that failed.
     """
-    total = sum(_steps(job, chunk) for chunk in todo)
-    here = crew == SERIAL or (crew is None and total <= SMALL)
+    total = sum(_steps(job, run) for run in todo)
     with console.Progress("Runs", total, "agent steps") as progress:
-        return _serial(job, todo, progress) if here else _on_ray(job, todo, crew, progress)
+        tally = Tally(job, len(todo), progress)
+        with crew.assembled(workers, total <= SMALL, tally.show) as team:
+            return drive(job, Schedule(todo, size), team, tally)
 
 
-def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
+def drive(job: Job, schedule: Schedule, team: crew.Crew, tally: "Tally") -> list[str]:
+    """Have the crew compute what is scheduled, and keep it; returns a sentence for each run that failed."""
+    shared = team.share(job)
+    failed: list[str] = []
+    while True:
+        while len(tally.flying) < team.room() and (chunk := schedule.next(team.workers())):
+            team.start(chunk.name, work, shared, chunk)
+            tally.start(chunk)
+        if not tally.flying:
+            return failed
+        for name, outcome in team.ended():
+            chunk = tally.end(name)
+            if isinstance(outcome, Exception):
+                failed += [] if schedule.apart(chunk) else [_reason(chunk, outcome)]
+                continue
+            for run, data in zip(chunk.runs, outcome.result, strict=True):
+                store.keep(store.RUN, run.digest, data, outcome.machine)
+            tally.finish(chunk)
+
+
+def work(job: Job, chunk: Chunk, report: crew.Report) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
     grid, condition, reward = job.grids[first.variant], first.condition, first.reward
@@ -204,190 +163,75 @@ def work(job: Job, chunk: Chunk, report: Callable[[int], None]) -> list[bytes]:
     ]
 
 
-def each(todo: Mapping[str, Callable[[], bytes]], crew: int | None) -> Iterator[tuple[str, bytes]]:
-    """Each task's name and result as soon as it is done, from Ray or, one by one, from this process.
+def fill(
+    schema: str, digests: Mapping[str, str], todo: Mapping[str, Callable[[], bytes]], workers: int | None
+) -> Iterator[str]:
+    """Have tasks make artifacts, by name, and keep each under its digest; its name comes when that is done."""
+    if todo:
+        for name, made in each(todo, workers):
+            store.keep(schema, digests[name], made.result, made.machine)
+            yield name
+
+
+def each(todo: Mapping[str, Callable[[], bytes]], workers: int | None) -> Iterator[tuple[str, crew.Done]]:
+    """Each task's name and what it gave, as soon as it is done.
 
     One task alone stays in this process: Ray would take longer to start than it saves.
 
     Raises:
         console.StageError: a task failed, by its name; those in flight are dropped.
     """
-
-    def result(name: str, get: Callable[..., Any], *given: Any) -> tuple[str, bytes]:
-        try:
-            return name, get(*given)
-        except Exception as fault:
-            raise console.StageError(f"{name}: {_logged(fault)[1]}") from fault
-
-    if crew == SERIAL or len(todo) == 1:
-        yield from (result(name, task) for name, task in todo.items())
-        return
-    with _local_ray(crew):
-        flying = {_call.remote(task): name for name, task in todo.items()}
-        while flying:
-            (ready,), _ = ray.wait(list(flying))
-            yield result(flying.pop(ready), ray.get, ready)
+    with crew.assembled(workers, len(todo) == 1, lambda steps: None) as team:
+        for name, task in todo.items():
+            team.start(name, _call, task)
+        left = set(todo)
+        while left:
+            for name, outcome in team.ended():
+                if isinstance(outcome, Exception):
+                    raise console.StageError(f"{name}: {crew.reason(outcome)[1]}") from outcome
+                left.remove(name)
+                yield name, outcome
 
 
-class _Tally:
-    """Counts for the progress bar."""
+def _call(task: Callable[[], bytes], report: crew.Report) -> bytes:
+    return task()
 
-    def __init__(self, job: Job, todo: list[Chunk], progress: console.Progress) -> None:
+
+class Tally:
+    """Which chunks are in flight, and counts for the progress bar."""
+
+    def __init__(self, job: Job, total: int, progress: console.Progress) -> None:
+        self.flying: dict[str, Chunk] = {}
         self._job, self._progress = job, progress
-        self._total, self._finished, self._steps = sum(len(chunk.runs) for chunk in todo), 0, 0
+        self._total, self._finished, self._steps = total, 0, 0
+
+    def start(self, chunk: Chunk) -> None:
+        """A chunk is handed out."""
+        self.flying[chunk.name] = chunk
+
+    def end(self, name: str) -> Chunk:
+        """A chunk is in flight no more."""
+        return self.flying.pop(name)
 
     def finish(self, chunk: Chunk) -> None:
         """A chunk is done."""
         self._finished += len(chunk.runs)
-        self._steps += _steps(self._job, chunk)
+        self._steps += sum(_steps(self._job, run) for run in chunk.runs)
+        self.show({})
 
-    def show_one(self, chunk: Chunk, done: int) -> None:
-        """Steps done of the only chunk in flight."""
-        self.show({chunk: done})
-
-    def show(self, doing: Mapping[Chunk, int]) -> None:
-        """Steps done of each chunk in flight."""
-        flying = sum(len(chunk.runs) for chunk in doing)
-        steps = self._steps + sum(len(chunk.runs) * done for chunk, done in doing.items())
+    def show(self, doing: Mapping[str, int]) -> None:
+        """Steps done of each chunk in flight, as far as that is known."""
+        flying = sum(len(chunk.runs) for chunk in self.flying.values())
+        steps = self._steps + sum(len(self.flying[name].runs) * done for name, done in doing.items())
         self._progress.update(steps, f"{self._finished}/{self._total} runs done, {flying} in flight")
 
 
-def _steps(job: Job, chunk: Chunk) -> int:
-    """Agent steps of all runs of a chunk."""
-    return protocol.steps(job.grids[chunk.runs[0].variant].params.protocol) * len(chunk.runs)
-
-
-def _of(run: Run) -> str:
-    """How a run's name begins."""
-    return f"{run.variant}: " if run.variant else ""
-
-
-def _keep(chunk: Chunk, files: list[bytes]) -> None:
-    for run, data in zip(chunk.runs, files, strict=True):
-        store.keep(store.RUN, run.digest, data)
-
-
-def _apart(chunk: Chunk) -> list[Chunk]:
-    return [Chunk((run,)) for run in chunk.runs] if len(chunk.runs) > 1 else []
-
-
-def _serial(job: Job, todo: list[Chunk], progress: console.Progress) -> list[str]:
-    tally, failed, pending = _Tally(job, todo, progress), [], list(todo)
-    while pending:
-        chunk = pending.pop(0)
-        try:
-            files = work(job, chunk, partial(tally.show_one, chunk))
-        except Exception as fault:
-            pending[:0] = (alone := _apart(chunk))
-            failed += [] if alone else [_reason(chunk, fault)]
-            continue
-        _keep(chunk, files)
-        tally.finish(chunk)
-        tally.show({})
-    return failed
-
-
-@ray.remote(num_cpus=0, max_restarts=-1)
-class _Board:
-    """Where workers write how far they are."""
-
-    def __init__(self) -> None:
-        console.die_with_parent()
-        self._steps: dict[str, int] = {}
-
-    def put(self, chunk: str, steps: int) -> None:
-        self._steps[chunk] = steps
-
-    def get(self) -> dict[str, int]:
-        return self._steps
-
-
-@ray.remote(num_cpus=1, max_retries=RETRIES)
-def _remote(job: Job, chunk: Chunk, board: Any) -> list[bytes]:
-    console.die_with_parent()  # when the driver was killed, Ray lets a worker live for another minute
-    last = 0.0
-
-    def report(done: int) -> None:
-        nonlocal last
-        if time.monotonic() - last > POLL_SECONDS:
-            last = time.monotonic()
-            board.put.remote(chunk.name, done)
-
-    return work(job, chunk, report)
-
-
-@ray.remote(num_cpus=1, max_retries=RETRIES)
-def _call(task: Callable[[], bytes]) -> bytes:
-    console.die_with_parent()
-    return task()
-
-
-def _on_ray(job: Job, todo: list[Chunk], crew: int | None, progress: console.Progress) -> list[str]:
-    tally, failed = _Tally(job, todo, progress), []
-    with _local_ray(crew):
-        board, shared = _Board.remote(), ray.put(job)  # type: ignore[attr-defined]
-        flying: dict[Any, Chunk] = {_remote.remote(shared, chunk, board): chunk for chunk in todo}
-        while flying:
-            ready, _ = ray.wait(list(flying), timeout=POLL_SECONDS)
-            for reference in ready:
-                chunk = flying.pop(reference)
-                try:
-                    files = ray.get(reference)
-                except ray.exceptions.RayError as fault:
-                    alone = _apart(chunk)
-                    flying |= {_remote.remote(shared, single, board): single for single in alone}
-                    failed += [] if alone else [_reason(chunk, fault)]
-                    continue
-                _keep(chunk, files)
-                tally.finish(chunk)
-            try:
-                done = ray.get(board.get.remote(), timeout=10 * POLL_SECONDS)
-            except (ray.exceptions.RayError, TimeoutError):
-                continue  # the board is lost or slow: that costs the bar a moment, not the sweep
-            tally.show({chunk: done[chunk.name] for chunk in flying.values() if chunk.name in done})
-    return failed
-
-
-@contextmanager
-def _local_ray(crew: int | None = None) -> Iterator[None]:
-    """A Ray for this process, on loopback (see stages/__init__.py), without dashboard; it ends with the block."""
-    if os.environ.get("RAY_ADDRESS"):
-        raise console.StageError("RAY_ADDRESS is set, but this version computes on one machine only; unset it.")
-    on_sigterm = signal.getsignal(signal.SIGTERM)
-    try:
-        for left in reversed(range(STARTS)):
-            try:
-                ray.init(
-                    address="local",
-                    num_cpus=crew,
-                    include_dashboard=False,
-                    log_to_driver=False,
-                    logging_level=logging.ERROR,
-                    object_store_memory=OBJECT_STORE,
-                )
-                break
-            except Exception as fault:  # on a machine under load its daemons may miss Ray's own time limit
-                ray.shutdown()
-                if not left:
-                    said = "Ray did not start; run it again when the machine is less busy, or with --serial"
-                    raise console.StageError(f"{said} ({_logged(fault)[1]}).") from fault
-        signal.signal(signal.SIGTERM, on_sigterm)  # Ray puts one of its own in place
-        yield
-    finally:
-        ray.shutdown()
+def _steps(job: Job, run: Run) -> int:
+    """Agent steps of a run."""
+    return protocol.steps(job.grids[run.variant].params.protocol)
 
 
 def _reason(chunk: Chunk, fault: Exception) -> str:
     """What a worker raised, in a line that names the run."""
-    cause, text = _logged(fault)
-    return f"{_of(chunk.runs[0])}{text}" if isinstance(cause, experiment.RunError) else f"{chunk.name}: {text}"
-
-
-def _logged(fault: Exception) -> tuple[BaseException, str]:
-    """What a worker raised and its last line; all of it goes to the log."""
-    with suppress(OSError):  # a disk that takes no log must not hide what happened
-        paths.LOG.parent.mkdir(exist_ok=True)
-        with paths.LOG.open("a") as log:
-            log.write(f"{fault}\n")
-    cause = getattr(fault, "cause", None) or fault
-    return cause, (str(cause).strip().splitlines() or [type(cause).__name__])[-1]
+    cause, text = crew.reason(fault)
+    return f"{of(chunk.runs[0])}{text}" if isinstance(cause, experiment.RunError) else f"{chunk.name}: {text}"

@@ -4,15 +4,17 @@ import shutil
 import sys
 
 from mimo import params
-from stages import console, paths, sweep
+from stages import console, crew, paths, sweep
 
 
 def main() -> None:
     """Compute the runs that are missing, then write the manifests."""
-    crew = sweep.workers("python -m stages.train")
+    workers = crew.asked("python -m stages.train")
     p = params.load()
     grid = sweep.grid(p)
-    runs = sweep.complete(sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": grid}), p.sweep.chunk, crew)
+    runs = sweep.complete(
+        sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": grid}), p.sweep.chunk, workers
+    )
     _drop_other_cells(set(grid.cells))
     shutil.rmtree(paths.MANIFESTS, ignore_errors=True)
     for cell in grid.cells:

@@ -6,24 +6,24 @@ from collections.abc import Mapping
 from functools import partial
 
 from mimo import artifact, encoder, params
-from stages import console, paths, scales, store, sweep
+from stages import console, crew, paths, scales, store, sweep
 
 
 def main() -> None:
     """Compute what is missing of the variants, then write their manifests."""
-    crew = sweep.workers("python -m stages.vary")
+    workers = crew.asked("python -m stages.vary")
     p = params.load()
     file = paths.ENCODER.read_bytes()
     held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
     settings = {name: params.varied(p, name) for name in p.sweeps.variants}
     sight = store.sight(held)
     digests = {name: scales.digest(own, sight) for name, own in settings.items()}
-    _measure(p, held, settings, digests, crew)
+    _measure(p, held, settings, digests, workers)
     grids = {}
     for name, variant in p.sweeps.variants.items():
         own = sweep.scales(store.place(store.SCALE, digests[name]), digests[name])
         grids[name] = sweep.Grid(settings[name], own, variant.pairs, p.sweeps.seeds)
-    runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, crew)
+    runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, workers)
     _drop_other_variants(set(grids))
     shutil.rmtree(paths.VARIANT_MANIFESTS, ignore_errors=True)
     for name in grids:
@@ -35,7 +35,7 @@ def _measure(
     held: artifact.Artifact,
     settings: dict[str, params.Params],
     digests: Mapping[str, str],
-    crew: int | None,
+    workers: int | None,
 ) -> None:
     """All scales that the store lacks; a variant that changes nothing they depend on finds the published ones."""
     names = {digest: name for name, digest in digests.items()}  # of variants with the same scales, one
@@ -50,8 +50,7 @@ def _measure(
         return
     steps = p.calibrate.steps * p.calibrate.worlds
     with console.Progress("Reward scales", len(todo) * steps, "agent steps") as progress:
-        for name, data in sweep.each(todo, crew):
-            store.keep(store.SCALE, digests[name], data)
+        for _ in sweep.fill(store.SCALE, digests, todo, workers):
             progress.update(progress.done + steps)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from mimo import artifact, body, encoder, identity, params
 from stages import catalogue, console, curves, paths, provenance, store, sweep, trial
 from stages import encoder as training
+from stages.schedule import Chunk, Run
 
 # Machines of another class need not give the same bytes: contacts amplify a last bit within some steps, and then
 # actions differ. Measured: with another libm's sin and exp, actions part at step 20, and the means differ by .011.
@@ -167,7 +168,7 @@ def _trial() -> bytes:
         return file.read_bytes()
 
 
-def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, crew: int | None) -> dict[Path, bytes]:
+def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, workers: int | None) -> dict[Path, bytes]:
     """Each chosen run's file, computed again.
 
     Raises:
@@ -188,14 +189,14 @@ def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, cr
         todo[str(path)] = partial(_one, job, run)
     with console.Progress("Runs", len(todo), "runs") as progress:
         found = {}
-        for name, data in sweep.each(todo, crew):
-            found[Path(name)] = data
+        for name, made in sweep.each(todo, workers):
+            found[Path(name)] = made.result
             progress.update(len(found))
     return dict(sorted(found.items()))
 
 
-def _one(job: sweep.Job, run: sweep.Run) -> bytes:
-    return sweep.work(job, sweep.Chunk((run,)), lambda steps: None)[0]
+def _one(job: sweep.Job, run: Run) -> bytes:
+    return sweep.work(job, Chunk((run,)), lambda steps: None)[0]
 
 
 def _other_inputs(digest: str, path: Path) -> bool:

@@ -11,11 +11,13 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import json
 import psutil
-from stages import sweep
-import ray
+from stages import crew
 
-with sweep._local_ray():
-    assert ray.get(ray.remote(lambda: 1).remote()) == 1
+with crew.assembled(2, False, print) as team:
+    team.start("one", lambda report: 1)
+    while not (ended := team.ended()):
+        pass
+    assert ended == [("one", crew.Done(1))]
     own = psutil.Process()
     pids = {process.pid for process in [own, *own.children(recursive=True)]}
     listening = [c.laddr.ip for c in psutil.net_connections("inet") if c.status == "LISTEN" and c.pid in pids]

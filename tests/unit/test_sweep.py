@@ -1,4 +1,4 @@
-"""Sweeps: every run once, the same bytes with and without Ray, one bad run costing no other, one sweep at a time."""
+"""Sweeps: every run once, the same bytes with and without Ray, one bad run costing no other."""
 
 import itertools
 import json
@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mimo import artifact
 from mimo.encoder import SCHEMA, Trained
 from mimo.params import Params
-from stages import console, paths, store, sweep
-from stages.sweep import Chunk, Grid, Job, Run
+from stages import console, crew, paths, store, sweep
+from stages.schedule import Chunk, Run
+from stages.sweep import Grid, Job
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -82,45 +81,6 @@ def test_variants_share_the_runs_that_their_change_does_not_reach(job: Job) -> N
     ]  # fmt: skip
     assert [run.digest for run in runs[4:6]] == [run.digest for run in runs[2:4]]
     assert sweep.missing(runs) == [*runs[:4], *runs[6:]]
-    names = [chunk.name for chunk in sweep.chunks(sweep.missing(runs), 2)]
-    assert sorted(names) == ["free, cais, seed 0, 1", "free, mtl, seed 0, 1", "greedy: free, mtl, seed 0, 1"]
-
-
-CELLS = st.tuples(
-    st.sampled_from(["free", "noisy"]), st.sampled_from(["mtl", "rtl", "cais", "surprise", "mtl_surprise"])
-)
-RUNS = st.dictionaries(CELLS, st.sets(st.integers(0, 12), min_size=1), max_size=8).map(
-    lambda cells: [
-        Run(condition, reward, seed, f"{condition}{reward}{seed}")
-        for (condition, reward), seeds in cells.items()
-        for seed in sorted(seeds)
-    ]
-)
-
-
-@given(RUNS, st.integers(1, 6))
-def test_chunks_cover_every_run_once(runs: list[Run], size: int) -> None:
-    made = sweep.chunks(runs, size)
-    assert sorted(run.digest for chunk in made for run in chunk.runs) == sorted(run.digest for run in runs)
-    for chunk in made:
-        assert 1 <= len(chunk.runs) <= size
-        assert len({(run.condition, run.reward) for run in chunk.runs}) == 1
-        assert [run.seed for run in chunk.runs] == sorted(run.seed for run in chunk.runs)
-    cells = {(run.condition, run.reward) for run in runs}
-    for cell in cells:
-        sizes = [len(chunk.runs) for chunk in made if (chunk.runs[0].condition, chunk.runs[0].reward) == cell]
-        assert sizes[:-1] == [size] * (len(sizes) - 1)
-
-
-@given(RUNS, st.integers(1, 6))
-def test_low_seeds_come_first_then_outcome_models(runs: list[Run], size: int) -> None:
-    firsts = [chunk.runs[0] for chunk in sweep.chunks(runs, size)]
-    ranks = [(run.seed, run.reward in ("mtl", "rtl")) for run in firsts]
-    assert ranks == sorted(ranks)
-
-
-def test_a_chunk_is_named_for_people() -> None:
-    assert Chunk((Run("free", "mtl", 3, "a"), Run("free", "mtl", 4, "b"))).name == "free, mtl, seed 3, 4"
 
 
 def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
@@ -155,10 +115,10 @@ def test_ray_and_this_process_give_the_same_bytes_and_the_same_faults(
     runs = sweep.wanted(job)
     good = {run.digest for run in runs if run.reward != "surprise"}
     files, faults = [], []
-    for crew, size in ((sweep.SERIAL, 1), (2, 2)):
+    for workers, size in ((crew.SERIAL, 1), (2, 2)):
         (tmp_path / str(size)).mkdir()
         monkeypatch.chdir(tmp_path / str(size))
-        faults.append(sorted(sweep.compute(job, sweep.chunks(runs, size), crew)))
+        faults.append(sorted(sweep.compute(job, runs, size, workers)))
         files.append(kept())
         assert set(files[-1]) == good
         assert [run.reward for run in sweep.missing(runs)] == ["surprise", "surprise"]
@@ -181,7 +141,7 @@ def test_chunks_of_one_and_of_two_are_the_same_bytes(job: Job, tmp_path: Path, m
     for size in (1, 2):
         (tmp_path / str(size)).mkdir()
         monkeypatch.chdir(tmp_path / str(size))
-        assert sweep.compute(job, sweep.chunks(sweep.wanted(job), size), crew=sweep.SERIAL) == []
+        assert sweep.compute(job, sweep.wanted(job), size, crew.SERIAL) == []
         files.append(kept())
     assert len(files[0]) == 4
     assert files[0] == files[1]
@@ -194,15 +154,17 @@ def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trai
     assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
 
 
-@pytest.mark.parametrize("crew", [sweep.SERIAL, 2])
-def test_tasks_come_with_their_names_and_a_fault_by_its_name(crew: int | None) -> None:
+@pytest.mark.parametrize("workers", [crew.SERIAL, 2])
+def test_tasks_come_with_their_names_and_a_fault_by_its_name(workers: int | None) -> None:
     tasks: dict[str, Callable[[], bytes]] = {name: partial(str.encode, name) for name in ("one", "two")}
     found: list[tuple[str, bytes]] = []
     with pytest.raises(console.StageError, match=r"^bad: .*no-such"):
-        found.extend(sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, crew))
+        found.extend(
+            (name, made.result)
+            for name, made in sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, workers)
+        )
     assert set(found) <= {("one", b"one"), ("two", b"two")}
-    assert crew or len(found) == 2
-    assert sweep.compute(Job(b"", 1.0, {}), [], crew=sweep.SERIAL) == []
+    assert workers or len(found) == 2
 
 
 def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:
@@ -229,7 +191,7 @@ def test_one_bad_seed_costs_no_other(job: Job, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(sweep, "work", work)
     runs = sweep.wanted(job)
-    assert sweep.compute(job, sweep.chunks(runs, 2), crew=sweep.SERIAL) == ["free, mtl, seed 1: it slipped"]
+    assert sweep.compute(job, runs, 2, crew.SERIAL) == ["free, mtl, seed 1: it slipped"]
     assert set(kept()) == {runs[0].digest, runs[2].digest, runs[3].digest}
     assert sorted(tried) == ["free, cais, seed 0, 1", "free, mtl, seed 0", "free, mtl, seed 0, 1", "free, mtl, seed 1"]
 
@@ -243,13 +205,6 @@ def test_an_interrupt_keeps_what_is_finished(job: Job, monkeypatch: pytest.Monke
     monkeypatch.setattr(sweep, "work", work)
     runs = sweep.wanted(job)
     with pytest.raises(KeyboardInterrupt):
-        sweep.compute(job, sweep.chunks(runs, 1), crew=sweep.SERIAL)
+        sweep.compute(job, runs, 1, crew.SERIAL)
     assert len(kept()) == 1
-    assert sweep.compute(job, [], crew=sweep.SERIAL) == []
-
-
-def test_a_cluster_is_refused_in_a_sentence(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:6379")
-    with pytest.raises(console.StageError, match="RAY_ADDRESS is set"):
-        sweep.compute(job, sweep.chunks(sweep.wanted(job), 1), crew=2)
-    assert not kept()
+    assert sweep.compute(job, [], 1, crew.SERIAL) == []

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,23 @@ CGROUP = Path("/sys/fs/cgroup")
 
 
 class Repro:
-    """`dvc repro TARGETS` in a session of its own, by which all processes below it are known, even orphans."""
+    """`dvc repro TARGETS` in a session of its own, by which all processes below it are known, even orphans.
 
-    def __init__(self, project: Path, *targets: str) -> None:
+    `within` is the command that runs it on another host, `also` what its environment has besides.
+    """
+
+    def __init__(
+        self, project: Path, *targets: str, within: Sequence[str] = (), also: Mapping[str, str] | None = None
+    ) -> None:
         self.project, self._log = project, project.parent / f"repro-{time.monotonic_ns()}.log"
         # A process started in the background may have inherited SIGINT as ignored: hence `env`. DVC runs a stage by
         # SHELL; Debian's sh, unlike bash, stays between the two.
         path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
+        environment = os.environ | dict(also or {}) | {"PATH": path, "SHELL": "/bin/sh"}
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(
-                ["env", "--default-signal=INT", sys.executable, "-m", "dvc", "repro", *targets],
-                cwd=project, env=os.environ | {"PATH": path, "SHELL": "/bin/sh"}, stdin=subprocess.DEVNULL,
+                [*within, "env", "--default-signal=INT", sys.executable, "-m", "dvc", "repro", *targets],
+                cwd=project, env=environment, stdin=subprocess.DEVNULL,
                 stdout=log, stderr=log, start_new_session=True,
             )  # fmt: skip
         self.pid = self._process.pid
@@ -69,7 +75,7 @@ class Repro:
 
     def workers(self) -> list[psutil.Process]:
         """Ray's workers that compute a run just now."""
-        return self.named("ray::_remote")
+        return self.named("ray::_compute")
 
     def until(self, reached: Callable[[], Any]) -> None:
         """Wait, while it runs."""

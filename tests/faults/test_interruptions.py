@@ -4,116 +4,19 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from stages import preview
 from tests.faults import harness
-from tests.faults.harness import Repro
-from tests.pipeline.project import edit
-
-ROOT = Path(__file__).parents[2]
-TINY = {
-    "sweep.conditions": ["free"],
-    "sweep.rewards": ["mtl", "cais"],
-    "sweep.seeds": 4,
-    "sweep.chunk": 1,
-    "protocol.baseline_steps": 6,
-    "protocol.attached_steps": 12,
-    "protocol.extinction_steps": 6,
-    "encoder.iterations": 4,
-    "calibrate.steps": 6,
-    "collect.steps": 6,
-    "effects.alternatives": {},
-    "sweeps.variants": {"same": {"asks": "?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}},
-}
+from tests.faults.conftest import Pipeline
 
 STOPPED = "(?m)^Stopped; what was finished is kept.$"
-
-pytestmark = pytest.mark.timeout(600)
-
-Kept = dict[str, tuple[int, int]]
 Mount = Callable[[Path, str], Callable[[str], None]]
 
-
-class Pipeline:
-    """A project of eight runs of which none is computed, and what an undisturbed `dvc repro` makes of it."""
-
-    def __init__(self, project: Path, undisturbed: dict[str, str]) -> None:
-        self.project, self.undisturbed = project, undisturbed
-        self.runs = project / ".work/runs"
-        self.started: list[Repro] = []
-
-    def start(self, workers: bool = True) -> Repro:
-        """`dvc repro`, as far as the published runs; left alone, so small a sweep would do without Ray's workers."""
-        stages = self.project / "dvc.yaml"
-        command = "python -m stages.train"
-        text = stages.read_text().replace(f"{command} --workers 2", command)
-        stages.write_text(text.replace(command, f"{command} --workers 2") if workers else text)
-        self.started.append(Repro(self.project, "runs"))
-        return self.started[-1]
-
-    def stopped(self, repro: Repro, sentence: str, kept: Kept, but: Collection[str] = ()) -> Kept:
-        """It ends with the sentence and no traceback, and keeps what was finished; returns what is finished now."""
-        assert repro.end(but) != 0
-        assert re.search(sentence, repro.said), repro.said
-        assert "Traceback" not in repro.said
-        harness.assert_whole(self.project)
-        found = harness.finished(self.project)
-        assert kept.items() <= found.items()
-        return found
-
-    def completes(self, repro: Repro, kept: Kept) -> None:
-        """It succeeds, computes no run that was kept, and every byte is as undisturbed."""
-        assert repro.end() == 0, repro.said
-        assert "Traceback" not in repro.said
-        assert kept.items() <= harness.finished(self.project).items()
-        assert harness.digests(self.project) == self.undisturbed
-        assert not harness.parts(self.project)
-
-    def goes_on(self, kept: Kept) -> None:
-        """The next `dvc repro` computes what is missing, and no more."""
-        repro = self.start(workers=False)
-        self.completes(repro, kept)
-        assert f"8 runs, {len(kept)} of them in the store." in repro.said
-
-
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
-    """Computed undisturbed."""
-    project = tmp_path_factory.mktemp("undisturbed") / "project"
-    preview.prepare(ROOT, project)
-    edit(project, *TINY.items())
-    made = Pipeline(project, {})
-    repro = made.start(workers=False)
-    try:
-        assert repro.end() == 0, repro.said
-    finally:
-        repro.kill()
-    made.undisturbed |= harness.digests(project)
-    assert len(list(made.runs.iterdir())) == len(list(project.glob("data/runs/*/*/*.h5"))) == 8
-    return made
-
-
-@pytest.fixture
-def computed(reference: Pipeline, tmp_path: Path) -> Iterator[Pipeline]:
-    """A copy in which all runs are in the store; what runs there is ended after the test."""
-    copy = Path(shutil.copytree(reference.project, tmp_path / "project"))
-    harness.forget(copy)
-    made = Pipeline(copy, reference.undisturbed)
-    yield made
-    for repro in made.started:
-        repro.kill()
-
-
-@pytest.fixture
-def pipeline(computed: Pipeline) -> Pipeline:
-    for run in computed.runs.iterdir():
-        run.unlink()
-    return computed
+pytestmark = pytest.mark.timeout(600)
 
 
 @pytest.fixture

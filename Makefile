@@ -1,4 +1,4 @@
-# make paper | verify | publish | preview | test | check | format | bench. `make` alone lists them.
+# make paper | verify | publish | share | fetch | preview | test | check | format | bench. `make` alone lists them.
 
 PYTHON ?= python3.11
 MUJOCO_GL ?= egl
@@ -11,7 +11,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper verify publish preview test check format bench .venv
+.PHONY: help paper verify publish share fetch preview test check format bench .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -26,6 +26,12 @@ verify: $(STAMP) ## Compute a sample of the published artifacts again and compar
 
 publish: $(STAMP) ## Say on which machines the published artifacts were made: reports/published-on.json
 	@python -m stages.provenance
+
+share: $(STAMP) ## Send the results to a DVC remote: make share [REMOTE=s3://bucket/folder]
+	@python -m stages.share push $(REMOTE)
+
+fetch: $(STAMP) ## Get the results of this commit, and others' run cache: make fetch [REMOTE=s3://bucket/folder]
+	@python -m stages.share fetch $(REMOTE)
 
 preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
 	@python -m stages.gl --install

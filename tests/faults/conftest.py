@@ -1,5 +1,6 @@
 """A small project whose runs are all to be computed, and what an undisturbed `dvc repro` makes of them."""
 
+import json
 import re
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from stages import preview
+from tests import once
 from tests.faults import harness
 from tests.faults.harness import Repro
 from tests.pipeline.project import edit
@@ -76,7 +78,12 @@ class Pipeline:
 @pytest.fixture(scope="session")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
     """Computed undisturbed."""
-    project = tmp_path_factory.mktemp("undisturbed") / "project"
+    top, said = once.made(tmp_path_factory, "undisturbed", _compute)
+    return Pipeline(top / "project", json.loads(said))
+
+
+def _compute(top: Path) -> str:
+    project = top / "project"
     preview.prepare(ROOT, project)
     edit(project, *TINY.items())
     made = Pipeline(project, {})
@@ -85,9 +92,8 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
         assert repro.end() == 0, repro.said
     finally:
         repro.kill()
-    made.undisturbed |= harness.digests(project)
     assert len(list(made.runs.iterdir())) == len(list(project.glob("data/runs/*/*/*.h5"))) == 8
-    return made
+    return json.dumps(harness.digests(project))
 
 
 @pytest.fixture

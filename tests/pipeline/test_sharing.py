@@ -1,0 +1,124 @@
+"""Two labs and a remote: what one has computed the other need not, by a folder and by an S3-compatible server."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import boto3  # type: ignore[import-untyped]
+import pytest
+from moto.server import ThreadedMotoServer
+
+from tests.pipeline.conftest import CELLS
+from tests.pipeline.project import digests, done, edit, python, ran, repro, stored
+
+BUCKET = "lab"
+
+pytestmark = pytest.mark.timeout(900)
+
+
+@pytest.fixture
+def s3(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A client of a server on loopback, which has BUCKET; processes find it by their environment."""
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    for name, value in {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "lab",
+        "AWS_SECRET_ACCESS_KEY": "lab",
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_CONFIG_FILE": os.devnull,
+        "AWS_SHARED_CREDENTIALS_FILE": os.devnull,
+    }.items():
+        monkeypatch.setenv(name, value)
+    client = boto3.client("s3")
+    client.create_bucket(Bucket=BUCKET)
+    yield client
+    server.stop()
+
+
+def share(project: Path, *arguments: str) -> None:
+    said = python(project, "stages.share", *arguments)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_path: Path, s3: Any) -> None:
+    remote = f"s3://{BUCKET}/results"
+    share(project, "push", remote)
+
+    share(clone, "fetch", remote)
+    assert "Running stage" not in repro(clone)
+    assert digests(clone, "data", "reports") == digests(project, "data", "reports")
+    edit(clone, ("rewards.cais.pays", "taken"))
+    said = python(clone, "stages.share", "push")
+    assert said.returncode == 1
+    assert said.stderr.splitlines()[-1].startswith("dvc.lock does not fit the files here")
+    assert {f"runs@{c}" for c in CELLS if c.endswith("cais")} == {s for s in ran(repro(clone)) if s.startswith("runs@")}
+    assert len(stored(clone)) == 4 + 3  # the published ones came with data/; cais in two cells and in a variant
+    done(clone, "git", "commit", "-qam", "CAIS pays for the action taken")
+    share(clone, "push")
+
+    # By git: the lab that was first takes over the commit.
+    before = stored(project)
+    done(project, "git", "pull", "-q", "--ff-only", str(clone), "HEAD")
+    share(project, "fetch")
+    assert "Running stage" not in repro(project)
+    assert digests(project, "data", "reports") == digests(clone, "data", "reports")
+    assert stored(project) == before
+
+    # By the run cache: a third, at the first commit, makes the same edit.
+    third = tmp_path / "third"
+    done(tmp_path, "git", "clone", "-q", str(clone), str(third))
+    done(third, "git", "checkout", "-q", "HEAD~1")
+    share(third, "fetch", remote)
+    edit(third, ("rewards.cais.pays", "taken"))
+    assert "Running stage" not in done(third, "dvc", "repro", "--pull")
+    assert digests(third, "data", "reports") == digests(clone, "data", "reports")
+
+
+def test_an_interrupted_push_or_fetch_is_repeated(project: Path, clone: Path, s3: Any) -> None:
+    """Each is killed after some files, one after the other."""
+    remote = f"s3://{BUCKET}/results"
+    for lab in (project, clone):
+        done(lab, "dvc", "remote", "add", "--local", "--force", "--default", "shared", remote)
+        done(lab, "dvc", "remote", "modify", "--local", "shared", "jobs", "1")
+
+    def sent() -> int:
+        return int(s3.list_objects_v2(Bucket=BUCKET)["KeyCount"])
+
+    def had() -> int:
+        return sum(path.is_file() for path in (clone / ".dvc/cache").rglob("*"))
+
+    killed(project, "push", lambda: sent() > 2)
+    partly = sent()
+    share(project, "push")
+    assert 2 < partly < sent()
+    killed(clone, "fetch", lambda: had() > 2)
+    partly = had()
+    share(clone, "fetch")
+    assert 2 < partly < had()
+    assert "Running stage" not in repro(clone)
+    assert digests(clone, "data", "reports") == digests(project, "data", "reports")
+
+
+def killed(project: Path, what: str, reached: Callable[[], bool]) -> None:
+    """`make share` or `make fetch`, and all that it started, by SIGKILL."""
+    with subprocess.Popen([sys.executable, "-m", "stages.share", what], cwd=project, start_new_session=True) as process:
+        while not reached():
+            assert process.poll() is None
+            time.sleep(0.005)
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def test_a_folder_does_as_well(project: Path, clone: Path, tmp_path: Path) -> None:
+    share(project, "push", str(tmp_path / "folder"))
+    shutil.rmtree(project / ".dvc/cache")
+    share(clone, "fetch", str(tmp_path / "folder"))
+    assert "Running stage" not in repro(clone)
+    assert digests(clone, "data", "reports") == digests(project, "data", "reports")

@@ -1,4 +1,4 @@
-# make paper | verify | publish | share | fetch | preview | test | check | format | bench. `make` alone lists them.
+# make paper | verify | publish | share | fetch | preview | test | check | format | bench | scaling. `make` alone lists them.
 
 PYTHON ?= python3.11
 MUJOCO_GL ?= egl
@@ -11,7 +11,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper verify publish share fetch preview test check format bench .venv
+.PHONY: help paper verify publish share fetch preview test check format bench scaling .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -52,7 +52,10 @@ format: $(STAMP) ## Put the code in the project's format
 	ruff check --fix .
 
 bench: $(STAMP) ## Time an agent step
-	PYTHONPATH=. python benchmarks/agent_step.py
+	python -m benchmarks.agent_step
+
+scaling: $(STAMP) ## Time the scheduler on up to 1,000 simulated workers
+	python -m benchmarks.scaling
 
 .venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
 

@@ -112,6 +112,11 @@ def assembled(workers: int | None, little: bool, report: Callable[[Mapping[str, 
             yield _OnRay(report)
 
 
+def room(workers: int) -> int:
+    """How many tasks so many workers should have in hand."""
+    return workers + math.ceil(workers / AHEAD)
+
+
 def reason(fault: BaseException) -> tuple[BaseException, str]:
     """What a task raised and its last line; all of it goes to the log."""
     with suppress(OSError):  # a disk that takes no log must not hide what happened
@@ -166,7 +171,7 @@ class _OnRay:
         return self._size
 
     def room(self) -> int:
-        return self.workers() + math.ceil(self.workers() / AHEAD)
+        return room(self.workers())
 
     def share(self, value: Any) -> Any:
         return ray.put(value)

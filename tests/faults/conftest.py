@@ -23,6 +23,8 @@ TINY = {
     "protocol.baseline_steps": 6,
     "protocol.attached_steps": 12,
     "protocol.extinction_steps": 6,
+    "encoder.widths": [2, 4, 4, 4],
+    "encoder.pairs": 4,
     "encoder.iterations": 4,
     "calibrate.steps": 6,
     "collect.steps": 6,

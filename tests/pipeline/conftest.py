@@ -40,6 +40,8 @@ def _publish(top: Path) -> str:
         ("protocol.baseline_steps", 3),
         ("protocol.attached_steps", 5),
         ("protocol.extinction_steps", 3),
+        ("encoder.widths", [2, 4, 4, 4]),
+        ("encoder.pairs", 4),
         ("encoder.iterations", 4),
         ("calibrate.steps", 6),
         ("collect.steps", 6),

@@ -1,5 +1,6 @@
 """Two labs and a remote: what one has computed the other need not, by a folder and by an S3-compatible server."""
 
+import logging
 import os
 import shutil
 import signal
@@ -23,18 +24,20 @@ pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture
-def s3(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
     """A client of a server on loopback, which has BUCKET; processes find it by their environment."""
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # a line for each request
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
+    (none := tmp_path / "aws").touch()  # the user's own settings are not for this server
     for name, value in {
         "AWS_ENDPOINT_URL": f"http://{host}:{port}",
         "AWS_ACCESS_KEY_ID": "lab",
         "AWS_SECRET_ACCESS_KEY": "lab",
         "AWS_DEFAULT_REGION": "us-east-1",
-        "AWS_CONFIG_FILE": os.devnull,
-        "AWS_SHARED_CREDENTIALS_FILE": os.devnull,
+        "AWS_CONFIG_FILE": str(none),
+        "AWS_SHARED_CREDENTIALS_FILE": str(none),
     }.items():
         monkeypatch.setenv(name, value)
     client = boto3.client("s3")

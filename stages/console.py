@@ -1,8 +1,10 @@
 """How a stage runs: alone in its folder, with one progress bar, and faults as sentences with the traceback in a log."""
 
+import atexit
 import ctypes
 import errno
 import fcntl
+import gc
 import os
 import signal
 import sys
@@ -38,6 +40,7 @@ def main(work: Callable[[], None]) -> int:
     Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.LOG. SIGINT and SIGTERM
     end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
     """
+    atexit.register(gc.freeze)  # else Python looks through all of torch for garbage before it ends, for a second
     signal.signal(signal.SIGTERM, _stop)
     if STARTER:
         threading.Thread(target=_end_with, args=(STARTER,), daemon=True).start()

@@ -70,16 +70,19 @@ class Crew(Protocol):
         """The tasks that ended since, by name; waits for one, though not for long."""
 
 
-def asked(program: str) -> int | None:
-    """How many workers the command line asks for: SERIAL for --serial, None for as many as there are CPUs."""
-    parser = argparse.ArgumentParser(prog=program, epilog="The bytes are the same in any case.")
+def asked(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The command line, with `workers`: SERIAL for --serial, None for as many as there are CPUs."""
+    parser.epilog = "The bytes are the same with any workers."
     group = parser.add_mutually_exclusive_group()
-    group.add_argument("--serial", action="store_true", help="in this process, without Ray")
-    group.add_argument("--workers", type=int, metavar="N", help="Ray workers on this machine (default: one a CPU)")
-    given = parser.parse_args()
-    if given.workers is not None and given.workers < 1:
-        parser.error("--workers must be at least 1")
-    return SERIAL if given.serial else given.workers
+    group.add_argument("--serial", action="store_const", const=SERIAL, dest="workers", help="here, without Ray")
+    group.add_argument("--workers", type=_some, metavar="N", help="Ray workers on this machine (default: one a CPU)")
+    return parser.parse_args()
+
+
+def _some(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError("must be a number, at least 1")
+    return int(text)
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """`python -m stages.effects`: joints' effects under the resting policy, reports/effects.json (see `--help`)."""
 
+import argparse
 import json
 import sys
 from functools import partial
@@ -16,7 +17,7 @@ MEASURED = "effects"  # name of the one dataset, which is JSON
 
 def main() -> None:
     """Measure the worlds that the store lacks, then write all."""
-    workers = crew.asked("python -m stages.effects")
+    workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.effects")).workers
     p = params.load()
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
     sight = store.sight(held)

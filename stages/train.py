@@ -1,5 +1,6 @@
 """`python -m stages.train`: every run of the sweep into the store, and a manifest for each cell (see `--help`)."""
 
+import argparse
 import shutil
 import sys
 
@@ -9,7 +10,7 @@ from stages import console, crew, paths, sweep
 
 def main() -> None:
     """Compute the runs that are missing, then write the manifests."""
-    workers = crew.asked("python -m stages.train")
+    workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.train")).workers
     p = params.load()
     grid = sweep.grid(p)
     runs = sweep.complete(

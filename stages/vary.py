@@ -1,5 +1,6 @@
 """`python -m stages.vary`: scales and runs of every variant into the store, and a manifest for each (see `--help`)."""
 
+import argparse
 import shutil
 import sys
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from stages import console, crew, paths, scales, store, sweep
 
 def main() -> None:
     """Compute what is missing of the variants, then write their manifests."""
-    workers = crew.asked("python -m stages.vary")
+    workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.vary")).workers
     p = params.load()
     file = paths.ENCODER.read_bytes()
     held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)

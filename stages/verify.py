@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from mimo import artifact, body, encoder, identity, params
-from stages import catalogue, console, curves, paths, provenance, store, sweep, trial
+from stages import catalogue, console, crew, curves, paths, provenance, store, sweep, trial
 from stages import encoder as training
 from stages.schedule import Chunk, Run
 
@@ -126,8 +126,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m stages.verify", description=__doc__)
     parser.add_argument("--runs", type=int, default=3, metavar="N", help="how many runs (default: %(default)s)")
     parser.add_argument("--draw", type=int, default=0, metavar="SEED", help="draws the sample (default: %(default)s)")
-    parser.add_argument("--workers", type=int, default=None, metavar="N", help="Ray workers (default: one a CPU)")
-    return parser.parse_args()
+    return crew.asked(parser)
 
 
 def _published() -> catalogue.Published:

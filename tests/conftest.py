@@ -10,6 +10,10 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 os.environ.setdefault("DVC_NO_ANALYTICS", "1")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -19,10 +23,22 @@ if TYPE_CHECKING:
     from mimo.encoder import Trained
     from mimo.params import Params
 
+from tests import forks
+
 settings.register_profile(
     "same", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("same")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """One server of forks for all of pytest's workers; it loads the libraries when it is first asked."""
+    if not hasattr(config, "workerinput"):
+        stack = ExitStack()
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        stack.enter_context(forks.served(Path(folder)))
+        config.add_cleanup(stack.close)
+
 
 # Late imports below: torch would cost every test that does without it two seconds.
 

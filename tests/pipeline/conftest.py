@@ -52,10 +52,10 @@ def _publish(top: Path) -> str:
     (project / ".dvc/.gitignore").write_text("/config.local\n/tmp\n/cache\n")
     (project / ".gitignore").write_text((project / ".gitignore").read_text() + preview.MARK + "\n")
     done(project, "git", "init", "-q", ".")
-    said = done(project, sys.executable, "-m", "stages.paper")
+    said = done(project, sys.executable, "-m", "stages.paper", plain=True)
     done(project, "git", "add", "-A")
     done(project, "git", "commit", "-qm", "Published")
-    done(project, "dvc", "push", "-q")
+    done(project, sys.executable, "-m", "stages.share", "push")
     return said
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,31 +11,43 @@ from typing import Any
 
 import yaml
 
-
-def call(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """A command in `folder`, as a user's shell would run it with the project's environment active."""
-    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
-    names = {f"GIT_{role}_{part}": "lab@example.org" for role in ("AUTHOR", "COMMITTER") for part in ("NAME", "EMAIL")}
-    return subprocess.run(
-        arguments, cwd=folder, env=os.environ | names | {"PATH": path}, capture_output=True, text=True, check=False
-    )
+from tests import forks
 
 
-def done(folder: Path, *arguments: str) -> str:
+def call(folder: Path, *arguments: str, plain: bool = False) -> subprocess.CompletedProcess[str]:
+    """A command in `folder`, as a user's shell would run it with the project's environment active.
+
+    Python's modules, and the stages that `dvc` starts, are forks of a process that has the libraries loaded, unless
+    `plain`.
+    """
+    environment = os.environ | {
+        "PATH": os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"])),
+        **{f"GIT_{role}_{part}": "lab@example.org" for role in ("AUTHOR", "COMMITTER") for part in ("NAME", "EMAIL")},
+    }
+    if not plain:
+        environment["SHELL"] = forks.shell()
+        if arguments[0] == "dvc":
+            arguments = (sys.executable, "-m", *arguments)
+        if arguments[:2] == (sys.executable, "-m"):
+            arguments = (forks.shell(), "-c", shlex.join(("python", *arguments[1:])))
+    return subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def done(folder: Path, *arguments: str, plain: bool = False) -> str:
     """What the command said on its standard output; it must succeed."""
-    result = call(folder, *arguments)
+    result = call(folder, *arguments, plain=plain)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 
 
-def python(folder: Path, module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+def python(folder: Path, module: str, *arguments: str, plain: bool = False) -> subprocess.CompletedProcess[str]:
     """`python -m module`."""
-    return call(folder, sys.executable, "-m", module, *arguments)
+    return call(folder, sys.executable, "-m", module, *arguments, plain=plain)
 
 
-def repro(project: Path) -> str:
+def repro(project: Path, *targets: str) -> str:
     """What `dvc repro` said; it must succeed."""
-    result = python(project, "dvc", "repro")
+    result = python(project, "dvc", "repro", *targets)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout + result.stderr
 

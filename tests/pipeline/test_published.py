@@ -13,7 +13,7 @@ import pytest
 from mimo import artifact, identity
 from stages import catalogue, paths, store, verify
 from tests.pipeline.conftest import CELLS, GAIN
-from tests.pipeline.project import done, edit, python, ran
+from tests.pipeline.project import digests, done, edit, python, ran
 
 RUN = paths.run("noisy", "cais", 0)
 
@@ -38,9 +38,12 @@ def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> N
     assert machine["versions"] == identity.versions()
 
 
-def test_after_a_pull_nothing_runs_and_one_more_seed_computes_its_own_runs_alone(clone: Path) -> None:
-    done(clone, "dvc", "pull", "-q")
+def test_what_is_fetched_is_published_and_one_more_seed_computes_its_own_runs_alone(
+    clone: Path, published: tuple[Path, str]
+) -> None:
+    assert python(clone, "stages.share", "fetch").returncode == 0
     assert "Running stage" not in done(clone, "dvc", "repro")
+    assert digests(clone, "data", "reports") == digests(published[0], "data", "reports")
     before = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
     edit(clone, ("sweep.seeds", 2))
     said = done(clone, "dvc", "repro", "analyse")
@@ -75,12 +78,12 @@ def drawing(project: Path, *runs: Path) -> tuple[str, ...]:
     """Options by which these are the sample."""
     listed = catalogue.published((project / paths.ARTIFACTS).read_text())
     draw = next(draw for draw in range(99) if verify.sample(listed, len(runs), draw) == sorted(runs))
-    return "--runs", str(len(runs)), "--draw", str(draw)
+    return "--runs", str(len(runs)), "--draw", str(draw), "--serial"
 
 
 def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in project.rglob("*") if path.suffix == ".h5"}
-    said = python(project, "stages.verify", "--runs", "2")
+    said = python(project, "stages.verify", "--runs", "2", "--serial")
     assert said.returncode == 0, said.stdout + said.stderr
     lines = said.stdout.splitlines()
     assert lines[-1] == "OK: 3 artifacts computed again."
@@ -139,10 +142,9 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
     for expected in ("  params.agent.gamma: 0.1", "  condition: noisy", "  seed: 0", "  params.condition.force: 40.0"):
         assert expected in lines
     assert any(line.startswith("  code.mimo.agent: ") for line in lines)
-    for other in ("encoder.h5", "trial.h5", "frames.h5", "scales.h5", "results.h5", "variants.h5"):
-        assert python(project, "mimo.identity", f"data/{other}").stdout.endswith("It matches the working tree.\n"), (
-            other
-        )
+    for other in ("encoder", "trial", "frames", "scales", "results", "variants"):
+        said = python(project, "mimo.identity", f"data/{other}.h5")
+        assert said.stdout.endswith("It matches the working tree.\n"), other
     variant = paths.run("free", "cais", 0, "greedy")
     assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "mimo.identity", str(variant)).stdout
 

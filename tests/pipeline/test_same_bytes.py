@@ -1,14 +1,19 @@
-"""A run's bytes are the same with any number of workers, in any order, in any chunk, with and without Ray."""
+"""A run's bytes are the same with any number of workers, in any order, in any chunk, with and without a real Ray.
+
+Nor does a run that fails cost another; and while it computes, Ray is private.
+"""
 
 import itertools
 import random
-from functools import partial
+from ipaddress import ip_address
 from pathlib import Path
 
+import psutil  # type: ignore[import-untyped]
 import pytest
 
+from mimo import artifact
 from mimo.params import Params
-from stages import crew, store, sweep
+from stages import console, crew, paths, store, sweep
 from stages.schedule import Chunk, Run, Schedule
 
 SEEDS = 3
@@ -21,20 +26,29 @@ CASES = {  # workers, runs a chunk, what draws the order
 
 
 class Drawn(Schedule):
-    """Hands out chunks of `size` in an order drawn by `seed`."""
+    """Hands out chunks of `size` in an order drawn by `seed`; what failed is handed out again as ever."""
 
     def __init__(self, todo: list[Run], size: int, seed: int) -> None:
-        super().__init__(todo, 1)
+        super().__init__([], size)
         cells = itertools.groupby(todo, key=lambda run: (run.condition, run.reward))
         self._chunks = [Chunk(tuple(own)) for _, cell in cells for own in batched(list(cell), size)]
         random.Random(seed).shuffle(self._chunks)
 
     def next(self, workers: int) -> Chunk | None:
-        return self._chunks.pop() if self._chunks else None
+        return self._chunks.pop() if self._chunks else super().next(workers)
 
 
 def batched(runs: list[Run], size: int) -> list[list[Run]]:
     return [runs[i : i + size] for i in range(0, len(runs), size)]
+
+
+def listening() -> list[str]:
+    """Addresses at which this process's children, and theirs, listen."""
+    children = {process.pid for process in psutil.Process().children(recursive=True)}
+    found = (
+        each.laddr.ip for each in psutil.net_connections("inet") if each.status == "LISTEN" if each.pid in children
+    )
+    return [ip.removeprefix("::ffff:") for ip in found]
 
 
 def test_workers_order_and_chunks_change_no_byte(
@@ -44,17 +58,37 @@ def test_workers_order_and_chunks_change_no_byte(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Surprise cannot be computed, with its scale."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))  # for Ray's workers
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    cells = (("free", "rtl"), ("noisy", "cais_surprise"))
-    job = sweep.Job(encoder_file, tiny.encoder.latent_sd, {"": sweep.Grid(tiny, scales, cells, SEEDS)})
-    found: dict[str, dict[str, bytes]] = {}
+    cells = (("free", "rtl"), ("noisy", "cais"), ("free", "surprise"))
+    grid = sweep.Grid(tiny, {**scales, "surprise": 1e-320}, cells, SEEDS)
+    job = sweep.Job(encoder_file, tiny.encoder.latent_sd, {"": grid})
+    runs = sweep.wanted(job)
+    found: dict[str, tuple[dict[str, bytes], list[str]]] = {}
     for name, (workers, size, order) in CASES.items():
         (tmp_path / name).mkdir()
         monkeypatch.chdir(tmp_path / name)
-        monkeypatch.setattr(sweep, "Schedule", Schedule if order is None else partial(Drawn, seed=order))
-        assert sweep.compute(job, sweep.missing(sweep.wanted(job)), size, workers) == []
-        found[name] = {run.digest: store.place(store.RUN, run.digest).read_bytes() for run in sweep.wanted(job)}
-    assert all(len(files) == len(cells) * SEEDS for files in found.values())
-    for (one, files), (other, others) in itertools.pairwise(found.items()):
-        assert files == others, f"{one}, and {other}"
+        with console.Progress("Runs", 1, "agent steps") as progress:
+            tally = sweep.Tally(job, len(runs), progress)
+            with crew.assembled(workers, False, tally.show) as team:
+                schedule = Schedule(runs, size) if order is None else Drawn(runs, size, order)
+                faults = sweep.drive(job, schedule, team, tally)
+                if workers:
+                    addresses = listening()
+                    assert len(addresses) >= 4  # the control store, raylet, object manager and a worker at least
+                    assert all(ip_address(address).is_loopback for address in addresses)
+        found[name] = ({path.stem: path.read_bytes() for path in (paths.STORE / "runs").iterdir()}, sorted(faults))
+    for (one, here), (other, there) in itertools.pairwise(found.items()):
+        assert here == there, f"{one}, and {other}"
+    files, faults = here
+    assert set(files) == {run.digest for run in runs if run.reward != "surprise"}
+    for run in runs[: 2 * SEEDS]:
+        held = artifact.from_bytes(files[run.digest], store.RUN, run.digest)
+        about = {"condition": run.condition, "reward": run.reward, "limb": "left_foot", "seed": run.seed}
+        assert held.about == about
+    assert len(faults) == SEEDS
+    for seed, fault in enumerate(faults):
+        assert fault.startswith(f"free, surprise, seed {seed} ")
+        assert "stopped at step 1" in fault
+        assert "\n" not in fault

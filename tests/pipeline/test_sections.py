@@ -88,7 +88,6 @@ EDITS = (
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
     Edit("calibrate.steps", 8, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
     Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
-    Edit("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}, {"effects", "report"}, {"effects"}),
     Edit(
         "rewards.gain",  # of which `eager` has its own
         0.4,
@@ -96,7 +95,6 @@ EDITS = (
         NONE,
         RUNS - {EAGER},
     ),
-    Edit("rewards.scale", "running", OF_RUNS | OF_VARIANTS | {"calibrate"}, NONE, RUNS),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
     # Its scale is measured, but no run here has Surprise in its reward.
     Edit("rewards.surprise.pays", "move", ENDS | {"calibrate", "train", "analyse", "vary"}, SCALES),
@@ -118,13 +116,6 @@ EDITS = (
         OF_VARIANTS - {"variants@*"} | {"variants@heavy"},
         {"variants' scales"},
         {HEAVY},
-    ),
-    Edit(
-        "sweeps.variants.eager.cells",
-        {"free": ["cais", "mtl"]},
-        OF_VARIANTS - {"variants@*"} | {"variants@eager"},
-        NONE,
-        {"eager: free-mtl"},
     ),
     Edit("sweeps.variants.eager.asks", "!", {"vary", "compare", "claims", "report"}),
     Edit(
@@ -162,7 +153,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]
     (base / preview.OVERRIDES).write_text(TRIAL)
     edits = {quick.PLAIN: PLAINLY} | {each.key: each for each in EDITS}
     (top / "edits.json").write_text(json.dumps({name: {each.key: each.value} for name, each in edits.items()}))
-    done = python(base, "tests.pipeline.quick", str(top))
+    done = python(base, "tests.pipeline.quick", str(top), plain=True)
     assert done.returncode == 0, done.stderr
     first = _found(top, quick.BASE)
     assert (first.code, first.stages, first.made, first.runs) == (0, ALL, BEFORE, RUNS), first.said

@@ -1,8 +1,7 @@
-"""Two labs and a remote: what one has computed the other need not, by a folder and by an S3-compatible server."""
+"""Two labs and an S3-compatible server: what one has computed the other need not. By a folder: test_published.py."""
 
 import logging
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,10 +15,10 @@ import boto3  # type: ignore[import-untyped]
 import pytest
 from moto.server import ThreadedMotoServer
 
-from tests.pipeline.conftest import CELLS
 from tests.pipeline.project import digests, done, edit, python, ran, repro, stored
 
 BUCKET = "lab"
+ONE_BY_ONE = "[core]\n    remote = shared\n['remote \"shared\"']\n    url = {}\n    jobs = 1\n"
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -60,41 +59,50 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     share(clone, "fetch", remote)
     assert "Running stage" not in repro(clone)
     assert digests(clone, "data", "reports") == digests(project, "data", "reports")
+    before = digests(clone, "data/runs", "data/variants")
     edit(clone, ("rewards.cais.pays", "taken"))
     refused = python(clone, "stages.share", "push")
     assert refused.returncode == 1
     assert refused.stderr.splitlines()[-1].startswith("dvc.lock does not fit the files here")
     said = repro(clone)
-    assert {f"runs@{c}" for c in CELLS if c.endswith("cais")} == {s for s in ran(said) if s.startswith("runs@")}
+    assert {name for name in ran(said) if "@" in name} == {"runs@free-cais", "runs@noisy-cais", "variants@greedy"}
     assert "4 runs, 2 of them in the store." in said  # those came with data/
     assert "3 runs, 2 of them in the store." in said
+    after = digests(clone, "data/runs", "data/variants")
+    assert {name for name in after if after[name] != before[name]} == {
+        *(f"data/runs/{condition}/cais/seed-000.h5" for condition in ("free", "noisy")),
+        "data/variants/greedy/free/cais/seed-000.h5",
+    }
     done(clone, "git", "commit", "-qam", "CAIS pays for the action taken")
     share(clone, "push")
 
     # By git: the lab that was first takes over the commit.
-    before = stored(project)
+    computed = stored(project)
     done(project, "git", "pull", "-q", "--ff-only", str(clone), "HEAD")
     share(project, "fetch")
     assert "Running stage" not in repro(project)
     assert digests(project, "data", "reports") == digests(clone, "data", "reports")
-    assert stored(project) == before
+    assert stored(project) == computed
 
-    # By the run cache: a third, at the first commit, makes the same edit.
+    # By the run cache: a third, at the first commit, makes the same edit, then takes it back.
     third = tmp_path / "third"
     done(tmp_path, "git", "clone", "-q", str(clone), str(third))
     done(third, "git", "checkout", "-q", "HEAD~1")
     share(third, "fetch", remote)
-    edit(third, ("rewards.cais.pays", "taken"))
-    assert "Running stage" not in done(third, "dvc", "repro", "--pull")
-    assert digests(third, "data", "reports") == digests(clone, "data", "reports")
+    for value, same_as in (("taken", after), ("move", before)):
+        edit(third, ("rewards.cais.pays", value))
+        said = done(third, "dvc", "repro", "--pull", "runs", "variants")
+        assert "Running stage" not in said
+        assert "is cached - skipping run" in said
+        assert digests(third, "data/runs", "data/variants") == same_as
+    assert not stored(third)
 
 
 def test_an_interrupted_push_or_fetch_is_repeated(project: Path, clone: Path, s3: Any) -> None:
     """Each is killed after some files, one after the other."""
     remote = f"s3://{BUCKET}/results"
     for lab in (project, clone):
-        done(lab, "dvc", "remote", "add", "--local", "--force", "--default", "shared", remote)
-        done(lab, "dvc", "remote", "modify", "--local", "shared", "jobs", "1")
+        (lab / ".dvc/config.local").write_text(ONE_BY_ONE.format(remote))
 
     def sent() -> int:
         return int(s3.list_objects_v2(Bucket=BUCKET)["KeyCount"])
@@ -121,11 +129,3 @@ def killed(project: Path, what: str, reached: Callable[[], bool]) -> None:
             assert process.poll() is None
             time.sleep(0.005)
         os.killpg(process.pid, signal.SIGKILL)
-
-
-def test_a_folder_does_as_well(project: Path, clone: Path, tmp_path: Path) -> None:
-    share(project, "push", str(tmp_path / "folder"))
-    shutil.rmtree(project / ".dvc/cache")
-    share(clone, "fetch", str(tmp_path / "folder"))
-    assert "Running stage" not in repro(clone)
-    assert digests(clone, "data", "reports") == digests(project, "data", "reports")

@@ -1,4 +1,4 @@
-"""Sweeps: every run once, the same bytes with and without Ray, one bad run costing no other."""
+"""Sweeps: every run once, one bad run costing no other. On Ray: tests/pipeline/test_same_bytes.py."""
 
 import itertools
 import json
@@ -104,49 +104,6 @@ def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
 # Computation.
 
 
-def test_ray_and_this_process_give_the_same_bytes_and_the_same_faults(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One run at a time here, two in lock step on Ray; Surprise cannot be computed, the others and a variant can."""
-    job = with_variants(job)
-    own = job.grids[""]
-    odd = replace(own, scales={**own.scales, "surprise": 1e-320}, cells=(*own.cells, ("free", "surprise")))
-    job = replace(job, grids={"": odd, "greedy": job.grids["greedy"]})
-    runs = sweep.wanted(job)
-    good = {run.digest for run in runs if run.reward != "surprise"}
-    files, faults = [], []
-    for workers, size in ((crew.SERIAL, 1), (2, 2)):
-        (tmp_path / str(size)).mkdir()
-        monkeypatch.chdir(tmp_path / str(size))
-        faults.append(sorted(sweep.compute(job, runs, size, workers)))
-        files.append(kept())
-        assert set(files[-1]) == good
-        assert [run.reward for run in sweep.missing(runs)] == ["surprise", "surprise"]
-        assert "Runs: " in capsys.readouterr().err
-    assert files[0] == files[1]
-    assert faults[0] == faults[1]
-    for seed, fault in enumerate(faults[0]):
-        assert fault.startswith(f"free, surprise, seed {seed} ")
-        assert "stopped at step 1" in fault
-        assert "\n" not in fault
-    assert len(faults[0]) == 2
-    for run in runs[:4]:
-        held = artifact.from_bytes(files[0][run.digest], store.RUN, run.digest)
-        assert held.about == {"condition": "free", "reward": run.reward, "limb": "left_foot", "seed": run.seed}
-        assert len(held["reward"]) == 10
-
-
-def test_chunks_of_one_and_of_two_are_the_same_bytes(job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    files = []
-    for size in (1, 2):
-        (tmp_path / str(size)).mkdir()
-        monkeypatch.chdir(tmp_path / str(size))
-        assert sweep.compute(job, sweep.wanted(job), size, crew.SERIAL) == []
-        files.append(kept())
-    assert len(files[0]) == 4
-    assert files[0] == files[1]
-
-
 def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trained, job: Job) -> None:
     held = artifact.from_bytes(job.encoder, SCHEMA)
     wide = changed(tiny, "encoder", latent_sd=2 * tiny.encoder.latent_sd)
@@ -154,17 +111,15 @@ def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trai
     assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
 
 
-@pytest.mark.parametrize("workers", [crew.SERIAL, 2])
-def test_tasks_come_with_their_names_and_a_fault_by_its_name(workers: int | None) -> None:
+def test_tasks_come_with_their_names_and_a_fault_by_its_name() -> None:
     tasks: dict[str, Callable[[], bytes]] = {name: partial(str.encode, name) for name in ("one", "two")}
     found: list[tuple[str, bytes]] = []
     with pytest.raises(console.StageError, match=r"^bad: .*no-such"):
         found.extend(
             (name, made.result)
-            for name, made in sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, workers)
+            for name, made in sweep.each(tasks | {"bad": partial(str.encode, "bad", "no-such")}, crew.SERIAL)
         )
-    assert set(found) <= {("one", b"one"), ("two", b"two")}
-    assert workers or len(found) == 2
+    assert found == [("one", b"one"), ("two", b"two")]
 
 
 def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:

@@ -1,0 +1,117 @@
+"""Python modules as commands, sooner: as forks of one process that has the libraries loaded.
+
+A tiny stage takes seconds to import torch, and `dvc` takes two to import DVC. A fork imports the project's own code
+from the folder it is started in, as ever, and has its own environment, streams and exit code: only libraries are
+shared. `shell()` stands in for SHELL, by which DVC runs a stage.
+"""
+
+import gc
+import importlib
+import json
+import os
+import runpy
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+FOLDER = "TESTS_FORKS"  # environment variable: where socket and shell lie
+SHELL = """\
+#!{python} -SE
+import sys
+sys.path.insert(0, {root!r})
+from tests import forks
+sys.exit(forks.ask({socket!r}, sys.argv[2]))
+"""
+REQUEST = 2**17  # bytes at most
+LIBRARIES = (  # but not Ray, which reads its environment as it is loaded
+    "dvc.cli", "dvc.commands.repro", "dvc.repo.reproduce", "h5py", "matplotlib.figure", "mujoco.batch", "pandas",
+    "pydantic", "rich.progress", "scipy.stats", "torch",
+)  # fmt: skip
+
+
+def shell() -> str:
+    """A program that takes `-c "python -m MODULE ..."`."""
+    return str(Path(os.environ[FOLDER]) / "shell")
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[None]:
+    """Commands can be given, by this process and all below it."""
+    path = folder / "socket"
+    (folder / "shell").write_text(SHELL.format(python=sys.executable, root=str(ROOT), socket=str(path)))
+    (folder / "shell").chmod(0o755)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(path))
+        listener.listen(64)
+        server = subprocess.Popen(
+            [sys.executable, "-m", "tests.forks", str(listener.fileno())], cwd=ROOT, pass_fds=[listener.fileno()]
+        )
+    os.environ[FOLDER] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ[FOLDER]
+        server.kill()
+        server.wait()
+
+
+def ask(path: str, command: str) -> int:
+    """Have a command run in this folder, with this environment and these streams; returns its exit code."""
+    python, flag, *words = shlex.split(command)
+    assert (python, flag) == ("python", "-m"), command
+    request = json.dumps({"words": words, "folder": str(Path.cwd()), "environment": dict(os.environ)}).encode()
+    assert len(request) < REQUEST
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
+        server.connect(path)
+        socket.send_fds(server, [request], [0, 1, 2])
+        return int(server.recv(16))
+
+
+def _serve(listener: socket.socket) -> None:
+    """Take requests; returns in each fork that is to run one."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel takes away what has ended
+    loaded = False
+    while True:
+        connection, _ = listener.accept()
+        loaded = loaded or _load()
+        if not os.fork():
+            listener.close()
+            break
+        connection.close()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    data, streams, *_ = socket.recv_fds(connection, REQUEST, 3)
+    if child := os.fork():
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        connection.send(str(code if code >= 0 else 128 - code).encode())
+        os._exit(0)
+    connection.close()
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+        os.close(stream)
+    request = json.loads(data)
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    sys.path[0] = request["folder"]
+    sys.argv = ["", *request["words"][1:]]
+    runpy.run_module(request["words"][0], run_name="__main__", alter_sys=True)
+
+
+def _load() -> bool:
+    """Import LIBRARIES, and what torch loads late."""
+    for name in LIBRARIES:
+        importlib.import_module(name)
+    torch = sys.modules["torch"]
+    torch.optim.AdamW([torch.zeros(1)])
+    gc.freeze()  # collecting garbage would copy it into every fork
+    return True
+
+
+if __name__ == "__main__":
+    _serve(socket.socket(fileno=int(sys.argv[1])))

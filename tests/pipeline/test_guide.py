@@ -43,6 +43,23 @@ def blocks(section: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
 
 
+def test_no_block_goes_without_a_test() -> None:
+    tested = {
+        "A reward": ["python", "yaml"],
+        "A condition": ["yaml", "yaml", "diff"],
+        "Your own learner": ["python", "python"],
+        "Reading an artifact": ["python", "python"],
+        "One constant, and what follows": ["sh"],
+        "Citing": ["bibtex"],  # is for reading
+    }
+    sections = re.split(r"^## (.*)\n", GUIDE, flags=re.M)
+    found = {
+        name: re.findall(r"^```(\w+)\n", text, re.M) for name, text in zip(sections[1::2], sections[2::2], strict=True)
+    }
+    assert found == tested
+    assert "```" not in sections[0]
+
+
 def lay(values: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """Settings laid over others, section by section."""
     return over | {

@@ -70,7 +70,8 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         given = {name: value for name, value in lengths.items() if value is not None}
         self._protocol = params.checked(whole.protocol, given)
         if condition not in params.Conditions.model_fields:
-            raise params.ParamsError(f"condition must be free or noisy; it is {condition!r}.")
+            known = " or ".join(params.Conditions.model_fields)
+            raise params.ParamsError(f"condition must be {known}; it is {condition!r}.")
         self._force = getattr(whole.conditions, condition).force
         self._scene = scene.build(whole.world, self._protocol)
         self._eye = Eye(self._scene)

@@ -44,38 +44,6 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
         assert (project / "reports" / name).stat().st_size > 1000, name
 
 
-def test_a_reward_of_ones_own_is_a_class_and_a_name_and_computes_its_runs_alone(project: Path) -> None:
-    """A comment in the learner, besides, computes nothing."""
-    before, runs = stored(project), digests(project, "data/runs")
-    others = digests(project, ".work/scales", "data/variants")
-    agent = project / "mimo/agent.py"
-    agent.write_text(agent.read_text() + "\n# A comment.\n")
-    code = project / "mimo/rewards.py"
-    code.write_text(
-        code.read_text()
-        + """
-
-class Stillness(Reward):
-    \"\"\"How little the mobile travelled.\"\"\"
-
-    name = "stillness"
-
-    def __call__(self, t: Transition) -> Tensor:
-        return -t.path_length.unsqueeze(-1).expand(t.action.shape)
-"""
-    )
-    edit(project, ("sweep.rewards", ["mtl", "cais", "stillness"]))
-    output = repro(project, "runs", "variants")
-    assert "6 runs, 4 of them in the store." in output
-    assert "3 runs, 3 of them in the store." in output
-    assert {"calibrate", "train", "vary"} <= ran(output)
-    assert len(stored(project) - before) == 2
-    assert digests(project, ".work/scales", "data/variants").items() >= others.items()
-    after = digests(project, "data/runs")
-    assert {name: after[name] for name in runs} == runs
-    assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
-
-
 def test_a_variant_that_changes_nothing_is_the_published_run(published: tuple[Path, str]) -> None:
     project, _ = published
     runs = digests(project, "data/runs", "data/variants")

@@ -93,7 +93,7 @@ def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
 
 
 def test_parts_follow_the_name() -> None:
-    assert list(REWARDS) == ["mtl", "rtl", "cais", "surprise"]
+    assert list(REWARDS)[:4] == ["mtl", "rtl", "cais", "surprise"]
     assert [part.name for part in rewards.parts("mtl_surprise", settings())] == ["mtl", "surprise"]
     assert [part.name for part in rewards.parts("cais", settings())] == ["cais"]
     needing = [name for name in ("mtl", "rtl", "cais", "surprise", "rtl_surprise") if rewards.needs_outcomes(name)]
@@ -102,7 +102,7 @@ def test_parts_follow_the_name() -> None:
 
 @pytest.mark.parametrize(("name", "part"), [("mtl_curiosity", "curiosity"), ("", ""), ("mtl_", "")])
 def test_an_unknown_part_is_named_in_a_sentence(name: str, part: str) -> None:
-    with pytest.raises(UnknownRewardError, match=f"'{part}': known are mtl, rtl, cais, surprise\\.$"):
+    with pytest.raises(UnknownRewardError, match=f"'{part}': known are mtl, rtl, cais, surprise"):
         rewards.parts(name, settings())
     with pytest.raises(LookupError):
         rewards.needs_outcomes(name)
@@ -110,9 +110,10 @@ def test_an_unknown_part_is_named_in_a_sentence(name: str, part: str) -> None:
 
 @pytest.mark.parametrize(("name", "fault"), [("mtl", "MTL has it already"), ("mtl_twice", "'_' joins")])
 def test_a_name_that_cannot_be_used_is_refused(name: str, fault: str) -> None:
+    known = list(REWARDS)
     with pytest.raises(ValueError, match=fault):
         type("Again", (Reward,), {"name": name})
-    assert list(REWARDS) == ["mtl", "rtl", "cais", "surprise"]
+    assert list(REWARDS) == known
 
 
 def test_names_load_without_torch() -> None:

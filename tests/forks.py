@@ -5,6 +5,7 @@ from the folder it is started in, as ever, and has its own environment, streams 
 shared. `shell()` stands in for SHELL, by which DVC runs a stage.
 """
 
+import atexit
 import gc
 import importlib
 import json
@@ -15,9 +16,12 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "TESTS_FORKS"  # environment variable: where socket and shell lie
@@ -74,7 +78,7 @@ def ask(path: str, command: str) -> int:
 
 
 def _serve(listener: socket.socket) -> None:
-    """Take requests; returns in each fork that is to run one."""
+    """Take requests, each in a fork."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel takes away what has ended
     loaded = False
     while True:
@@ -100,7 +104,26 @@ def _serve(listener: socket.socket) -> None:
     os.environ.update(request["environment"])
     sys.path[0] = request["folder"]
     sys.argv = ["", *request["words"][1:]]
-    runpy.run_module(request["words"][0], run_name="__main__", alter_sys=True)
+    ended: object = 1
+    try:
+        runpy.run_module(request["words"][0], run_name="__main__", alter_sys=True)
+        ended = 0
+    except SystemExit as end:
+        ended = end.code
+    except BaseException:
+        traceback.print_exc()
+    _end(ended)
+
+
+def _end(code: object) -> NoReturn:
+    """As Python ends, but for taking all libraries to pieces, which takes a second."""
+    if isinstance(code, str):
+        print(code, file=sys.stderr)
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code if isinstance(code, int) else code is not None)
 
 
 def _load() -> bool:

@@ -45,6 +45,7 @@ def _publish(top: Path) -> str:
         ("encoder.iterations", 4),
         ("calibrate.steps", 6),
         ("collect.steps", 6),
+        ("effects.steps", 40),
         ("effects.alternatives", {}),
         ("sweeps.variants", VARIANTS),
     )

@@ -102,8 +102,8 @@ def computed(reference: Pipeline, tmp_path: Path) -> Iterator[Pipeline]:
     harness.forget(copy)
     made = Pipeline(copy, reference.undisturbed)
     yield made
-    for repro in made.started:
-        repro.kill()
+    for each in made.started:
+        each.kill()
 
 
 @pytest.fixture

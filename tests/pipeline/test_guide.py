@@ -83,7 +83,7 @@ def replace(project: Path, block: str) -> None:
 def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     """A comment in the learner, besides, computes nothing."""
     before, runs = stored(project), digests(project, "data/runs")
-    same = digests(project, ".work/scales", ".work/effects", "data/variants")
+    same = digests(project, ".work/scales", "data/variants")
     agent, rewards = project / "mimo/agent.py", project / "mimo/rewards.py"
     agent.write_text(agent.read_text() + "\n# A comment.\n")
     (reward,) = blocks("A reward", "python")
@@ -96,9 +96,9 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     said = repro(project, "claims")  # figures and page besides would take seconds, and are not looked at
     assert "6 runs, 4 of them in the store." in said
     assert "5 runs, 3 of them in the store." in said
-    assert {"calibrate", "effects", "train", "vary"} <= ran(said)
+    assert {"calibrate", "train", "vary"} <= ran(said)
     assert len(stored(project) - before) == 4
-    assert digests(project, ".work/scales", ".work/effects", "data/variants").items() >= same.items()
+    assert digests(project, ".work/scales", "data/variants").items() >= same.items()
     after = digests(project, "data/runs")
     assert {name: after[name] for name in runs} == runs
     assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)

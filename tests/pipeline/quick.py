@@ -1,8 +1,9 @@
 """`python -m tests.pipeline.quick TOP`: `dvc repro` in TOP/base, then in an edited copy of it for each of many edits.
 
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
-stages are forks of one process that has the libraries loaded, sweeps are without Ray, DVC reads YAML by another library
-and writes JSON (which is YAML), and figures are stand-ins with their data's hashes. PLAIN goes without any of that.
+stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC reads
+YAML by another library and writes JSON (which is YAML), and figures are stand-ins with their data's hashes. PLAIN goes
+without any of that.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -26,6 +27,7 @@ from tests.pipeline.project import edit
 
 AT_ONCE = 2
 BASE, PLAIN = "base", "plain"
+LENGTHS = {"baseline_steps", "attached_steps", "extinction_steps"}  # of which the scene knows nothing
 SWEEPS = {"stages.effects", "stages.train", "stages.vary"}  # these take --serial
 
 
@@ -72,10 +74,23 @@ def _patch() -> None:
     library.load = load
     library.dump = lambda self, data, stream: stream.write(json.dumps(data))
     run._run = _stage
+    _share_the_scene()
     figures: Any = sys.modules["stages.figures"]
     figures.drawn = lambda p, results, held, frames: [
         ("fig3", {"svg": f"<svg><!-- {results.content} {held.content} --></svg>".encode()})
     ]
+
+
+def _share_the_scene() -> None:
+    """Build the scene of params.yaml, for all forks; where an edit asks for another, that is built as ever."""
+    from mimo import params, scene
+
+    def key(world: params.World, protocol: params.Protocol) -> str:
+        return world.model_dump_json() + protocol.model_dump_json(exclude=LENGTHS)
+
+    p = params.load()
+    build, own, built = scene.build, key(p.world, p.protocol), scene.build(p.world, p.protocol)
+    scene.build = lambda world, protocol: built if key(world, protocol) == own else build(world, protocol)
 
 
 def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:

@@ -32,15 +32,15 @@ VARIANTS = {
 }
 TAKEN = {"asks": "?", "set": {"rewards.cais.pays": "taken"}, "cells": {"noisy": ["cais"]}}
 TINY = {
-    "protocol.baseline_steps": 3,
-    "protocol.attached_steps": 5,
-    "protocol.extinction_steps": 3,
-    "collect.steps": 6,
+    "protocol.baseline_steps": 2,
+    "protocol.attached_steps": 2,
+    "protocol.extinction_steps": 2,
+    "collect.steps": 4,
     "encoder.widths": [2, 4, 4, 4],
     "encoder.pairs": 4,
     "encoder.iterations": 2,
-    "calibrate.steps": 6,
-    "effects.steps": 40,
+    "calibrate.steps": 4,
+    "effects.steps": 30,
     "effects.alternatives": {},
     "sweep.rewards": ["mtl", "cais"],
     "sweeps.variants": VARIANTS,
@@ -78,7 +78,7 @@ class Edit:
 
 EDITS = (
     Edit("seed", 1, ALL, BEFORE, RUNS),
-    Edit("protocol.attached_steps", 6, OF_RUNS | OF_VARIANTS, NONE, RUNS),
+    Edit("protocol.attached_steps", 3, OF_RUNS | OF_VARIANTS, NONE, RUNS),
     # The encoder has seen both conditions, so each decides all runs.
     Edit("conditions.noisy.force", 20.0, ALL, BEFORE, RUNS),
     Edit("world.mobile_mass", 0.05, ALL, BEFORE, RUNS),
@@ -86,8 +86,8 @@ EDITS = (
     Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
     Edit("agent.gamma", 0.2, OF_RUNS | OF_VARIANTS, NONE, RUNS),
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
-    Edit("calibrate.steps", 8, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
-    Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
+    Edit("calibrate.steps", 5, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
+    Edit("effects.steps", 31, {"effects", "report"}, {"effects"}),
     Edit(
         "rewards.gain",  # of which `eager` has its own
         0.4,

@@ -35,12 +35,12 @@ TINY = {
     "protocol.baseline_steps": 2,
     "protocol.attached_steps": 2,
     "protocol.extinction_steps": 2,
-    "collect.steps": 4,
+    "collect.steps": 5,
     "encoder.widths": [2, 4, 4, 4],
     "encoder.pairs": 4,
     "encoder.iterations": 2,
     "calibrate.steps": 4,
-    "effects.steps": 30,
+    "effects.steps": 40,
     "effects.alternatives": {},
     "sweep.rewards": ["mtl", "cais"],
     "sweeps.variants": VARIANTS,
@@ -87,7 +87,7 @@ EDITS = (
     Edit("agent.gamma", 0.2, OF_RUNS | OF_VARIANTS, NONE, RUNS),
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
     Edit("calibrate.steps", 5, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
-    Edit("effects.steps", 31, {"effects", "report"}, {"effects"}),
+    Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
     Edit(
         "rewards.gain",  # of which `eager` has its own
         0.4,

@@ -46,10 +46,7 @@ class Pipeline:
 
     def start(self, workers: bool = True, within: Sequence[str] = (), also: Mapping[str, str] | None = None) -> Repro:
         """`dvc repro`, as far as the published runs; left alone, so small a sweep would do without Ray's workers."""
-        stages = self.project / "dvc.yaml"
-        command = "python -m stages.train"
-        text = stages.read_text().replace(f"{command} --workers 2", command)
-        stages.write_text(text.replace(command, f"{command} --workers 2") if workers else text)
+        self._ask_for(workers)
         self.started.append(Repro(self.project, "runs", within=within, also=also or {}))
         return self.started[-1]
 
@@ -70,10 +67,17 @@ class Pipeline:
 
     def goes_on(self, kept: Kept) -> str:
         """The next `dvc repro` computes what is missing, and no more; returns what it says."""
+        self._ask_for(workers=False)
         said = repro(self.project, "runs")
         assert f"8 runs, {len(kept)} of them in the store." in said
         self._completed(said, kept)
         return said
+
+    def _ask_for(self, workers: bool) -> None:
+        stages = self.project / "dvc.yaml"
+        command = "python -m stages.train"
+        text = stages.read_text().replace(f"{command} --workers 2", command)
+        stages.write_text(text.replace(command, f"{command} --workers 2") if workers else text)
 
     def _completed(self, said: str, kept: Kept) -> None:
         assert "Traceback" not in said

@@ -30,7 +30,6 @@ VARIANTS = {
     "eager": {"asks": "?", "set": {"rewards.gain": 2.0}, "cells": {"free": ["cais"]}},
     "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
 }
-TAKEN = {"asks": "?", "set": {"rewards.cais.pays": "taken"}, "cells": {"noisy": ["cais"]}}
 TINY = {
     "protocol.baseline_steps": 2,
     "protocol.attached_steps": 2,
@@ -88,16 +87,7 @@ EDITS = (
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
     Edit("calibrate.steps", 5, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
     Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
-    Edit(
-        "rewards.gain",  # of which `eager` has its own
-        0.4,
-        OF_RUNS | OF_VARIANTS - {"variants@*"} | {"calibrate", "variants@heavy"},
-        NONE,
-        RUNS - {EAGER},
-    ),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
-    # Its scale is measured, but no run here has Surprise in its reward.
-    Edit("rewards.surprise.pays", "move", ENDS | {"calibrate", "train", "analyse", "vary"}, SCALES),
     Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*"}),
     Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
     Edit("sweep.seeds", 2, OF_RUNS, NONE, {"*, seed 1"}),
@@ -118,13 +108,6 @@ EDITS = (
         {HEAVY},
     ),
     Edit("sweeps.variants.eager.asks", "!", {"vary", "compare", "claims", "report"}),
-    Edit(
-        "sweeps.variants.taken",
-        TAKEN,
-        OF_VARIANTS - {"variants@*"} | {"variants@taken"},
-        {"variants' scales"},
-        {"taken: noisy-cais"},
-    ),
 )
 PLAINLY = next(each for each in EDITS if each.key == "sweeps.variants.eager.set")
 

@@ -7,7 +7,7 @@ Ray's own work is not in it.
 
 Efficiency is the least time that any schedule could need, over the time that this one did. The least time is the
 largest of: all work, at the price of full chunks, over the workers; the longest run alone; and, where there are more
-runs than workers, the sum of those that must share one.
+runs than workers, the least that runs take which must share one.
 
 Then, at the largest sweep: writing manifests, computing digests, DVC's hashing of the runs.
 """
@@ -196,11 +196,20 @@ class Silent(console.Progress):
 
 def least_time(runs: list[Run], workers: int, lengths: Mapping[str, Any], size: int) -> float:
     """Seconds that any schedule needs at least."""
-    shares = sorted((seconds_of(lengths, run.reward, size) / size for run in runs), reverse=True)
-    bounds = [sum(shares) / workers, max(seconds_of(lengths, run.reward, 1) for run in runs)]
-    # Of the first k * workers + 1 runs, some worker has k + 1, at best the shortest of them.
-    bounds += [sum(shares[k * workers - k : k * workers + 1]) for k in range(1, 1 + (len(shares) - 1) // workers)]
-    return max(bounds)
+
+    def shares(together: int) -> list[float]:
+        """Of each run, the longest first, where so many train in lock step."""
+        return sorted((seconds_of(lengths, run.reward, together) / together for run in runs), reverse=True)
+
+    bounds = [sum(shares(size)) / workers, shares(1)[0]]
+    # Of the first k * workers + 1 runs, some worker has k + 1, at best the shortest of them, and in lock step.
+    return max(
+        bounds
+        + [
+            sum(shares(min(k + 1, size))[k * workers - k : k * workers + 1])
+            for k in range(1, 1 + (len(runs) - 1) // workers)
+        ]
+    )
 
 
 def duration(seconds: float) -> str:

@@ -60,6 +60,7 @@ class Schedule:
         self._heap = [(*_rank(cell[0]), order, cell) for order, cell in enumerate(cells.values())]
         heapq.heapify(self._heap)
         self._left = sum(map(len, cells.values()))
+        self._chunks = 0  # handed out
 
     def next(self, workers: int) -> Chunk | None:
         """The next chunk, for a crew of so many; None if there is none now."""
@@ -68,12 +69,19 @@ class Schedule:
         if not self._heap:
             return None
         *_, order, cell = heapq.heappop(self._heap)
-        share = self._left if workers == 1 else math.ceil(self._left / (2 * workers))
-        runs = tuple(cell.popleft() for _ in range(min(self._size, share, len(cell))))
+        runs = tuple(cell.popleft() for _ in range(min(self._size, self._share(workers), len(cell))))
         self._left -= len(runs)
+        self._chunks += 1
         if cell:
             heapq.heappush(self._heap, (*_rank(cell[0]), order, cell))
         return Chunk(runs)
+
+    def _share(self, workers: int) -> int:
+        """Half of what there is for each worker; two in lock step as long as some worker must do two anyway."""
+        if workers == 1:
+            return self._left
+        idle = workers - self._chunks if self._chunks < workers else workers
+        return max(2, math.ceil(self._left / (2 * workers))) if self._left > idle else 1
 
     def apart(self, chunk: Chunk) -> bool:
         """Hand the runs of a chunk that failed out again, each alone; False if it was one alone."""

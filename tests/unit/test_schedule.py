@@ -46,14 +46,19 @@ def test_low_seeds_come_first_then_outcome_models(runs: list[Run], size: int, wo
 def test_no_chunk_is_more_than_a_workers_share_of_what_is_left(runs: list[Run], size: int, workers: int) -> None:
     left = len(runs)
     for chunk in handed_out(runs, size, workers):
-        assert len(chunk.runs) == 1 or (len(chunk.runs) - 1) * workers < left
+        assert len(chunk.runs) <= 2 or (len(chunk.runs) - 1) * workers < left
         left -= len(chunk.runs)
 
 
 def test_the_paper_on_two_workers_has_whole_chunks_then_smaller_ones() -> None:
     runs = [Run(c, r, s, f"{c}{r}{s}") for c in ("free", "noisy") for r in ("mtl", "cais") for s in range(10)]
     sizes = [len(chunk.runs) for chunk in handed_out(runs, 5, 2)]
-    assert sizes == [5, 5, 5, 5, 5, 4, 3, 2, 2, 1, 1, 1, 1]
+    assert sizes == [5, 5, 5, 5, 5, 4, 3, 2, 2, 2, 1, 1]
+
+
+def test_where_some_workers_must_do_two_runs_they_do_them_together() -> None:
+    runs = [Run("free", "cais", seed, f"{seed}") for seed in range(14)]
+    assert [len(chunk.runs) for chunk in handed_out(runs, 5, 10)] == [2] * 4 + [1] * 6
 
 
 @given(RUNS.filter(len), st.integers(2, 6))

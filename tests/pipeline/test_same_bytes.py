@@ -31,11 +31,11 @@ class Drawn(Schedule):
     def __init__(self, todo: list[Run], size: int, seed: int) -> None:
         super().__init__([], size)
         cells = itertools.groupby(todo, key=lambda run: (run.condition, run.reward))
-        self._chunks = [Chunk(tuple(own)) for _, cell in cells for own in batched(list(cell), size)]
-        random.Random(seed).shuffle(self._chunks)
+        self._drawn = [Chunk(tuple(own)) for _, cell in cells for own in batched(list(cell), size)]
+        random.Random(seed).shuffle(self._drawn)
 
     def next(self, workers: int) -> Chunk | None:
-        return self._chunks.pop() if self._chunks else super().next(workers)
+        return self._drawn.pop() if self._drawn else super().next(workers)
 
 
 def batched(runs: list[Run], size: int) -> list[list[Run]]:

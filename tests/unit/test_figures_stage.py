@@ -40,7 +40,7 @@ def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project:
     first = round(tiny.collect.steps * (1 - tiny.collect.held_out))
     assert all((image == frames[regime, 0, first, 0]).all() for regime, image in enumerate(images[:4]))
     assert not any((with_skips == alone).all() for with_skips, alone in zip(images[4:8], images[8:], strict=True))
-    texts = [text.get_text() for text in figure.findobj(Text) if isinstance(text, Text)]
+    texts = [text.get_text() for text in figure.findobj(Text)]
     assert [text for text in texts if "rope" in text] == [
         "free, rope off", "free, rope on", "noisy, rope off", "noisy, rope on",
     ]  # fmt: skip

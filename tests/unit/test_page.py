@@ -12,8 +12,8 @@ from selenium.webdriver.support.select import Select
 from selenium.webdriver.support.wait import WebDriverWait
 
 from stages import paths
-from tests.unit.reported import ROOT
 
+ROOT = Path(__file__).resolve().parents[2]
 QUIET = (
     "--headless",
     "--no-sandbox",
@@ -28,6 +28,8 @@ PHONE, DESK, PAPER = 390, 1440, 673  # pixels; paper is A4 less its margins
 PICTURES = "return [...document.images].map(image => image.complete && image.naturalWidth)"
 OVERFLOW = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
 PROGRAMS = shutil.which("chromium"), shutil.which("chromedriver")
+
+FILMS = sorted((ROOT / paths.FILMS).glob("*.mp4"))
 
 pytestmark = pytest.mark.skipif(None in PROGRAMS, reason="Debian's chromium and chromium-driver are not installed")
 
@@ -44,20 +46,21 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
     driver.quit()
 
 
-@pytest.fixture(params=["published", "made"])
-def page(request: pytest.FixtureRequest, browser: Chrome) -> Chrome:
-    """The browser with a page open, as wide as a desk's."""
-    project = ROOT if request.param == "published" else request.getfixturevalue("reported")
-    widen(browser, DESK)
-    browser.get((project / paths.REPORT).as_uri())
-    return browser
+@pytest.fixture
+def published(browser: Chrome) -> Chrome:
+    """The browser with the published page open, as wide as a desk's."""
+    return opened(browser, ROOT)
 
 
 @pytest.fixture
 def made(browser: Chrome, reported: Path) -> Chrome:
     """The browser with the small project's page open, whose numbers are known."""
+    return opened(browser, reported)
+
+
+def opened(browser: Chrome, project: Path) -> Chrome:
     widen(browser, DESK)
-    browser.get((reported / paths.REPORT).as_uri())
+    browser.get((project / paths.REPORT).as_uri())
     return browser
 
 
@@ -79,30 +82,28 @@ def choose(browser: Chrome, name: str, text: str) -> None:
     Select(browser.find_element(By.NAME, name)).select_by_visible_text(text)
 
 
-def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(page: Chrome) -> None:
-    pictures = page.execute_script(PICTURES)
+def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(published: Chrome) -> None:
+    pictures = published.execute_script(PICTURES)
     assert len(pictures) >= 6
     assert min(pictures) > 0
     for width, media in ((DESK, ""), (PHONE, ""), (PAPER, "print")):
-        widen(page, width, media)
-        assert page.execute_script("return innerWidth") == width
-        assert page.execute_script(OVERFLOW) == 0, width
-    assert page.get_log("browser") == []
+        widen(published, width, media)
+        assert published.execute_script("return innerWidth") == width
+        assert published.execute_script(OVERFLOW) == 0, width
+    assert published.get_log("browser") == []
 
 
-def test_films_play(browser: Chrome) -> None:
-    if not list((ROOT / paths.FILMS).glob("*.mp4")):
-        pytest.skip("no film is published yet")
-    browser.get((ROOT / paths.REPORT).as_uri())
-    films = browser.find_elements(By.TAG_NAME, "video")
-    assert len(films) == len(list((ROOT / paths.FILMS).glob("*.mp4")))
+@pytest.mark.skipif(not FILMS, reason="no film is published yet")
+def test_films_play(published: Chrome) -> None:
+    films = published.find_elements(By.TAG_NAME, "video")
+    assert len(films) == len(FILMS)
     for film in films:
         assert state(film, "currentTime") == 0
-        browser.execute_script("arguments[0].muted = true; arguments[0].play()", film)
+        published.execute_script("arguments[0].muted = true; arguments[0].play()", film)
         WebDriverWait(film, 20).until(lambda film: state(film, "currentTime") > 0.1)
         assert state(film, "videoWidth") > 0
-        browser.execute_script("arguments[0].pause()", film)
-    assert browser.get_log("browser") == []
+        published.execute_script("arguments[0].pause()", film)
+    assert published.get_log("browser") == []
 
 
 def state(film: WebElement, name: str) -> float:

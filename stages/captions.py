@@ -51,16 +51,16 @@ CAPTIONS = {  # by file's name, in the page's order
     ),
     "fig2": Caption(
         "Figure 2. Rewards",
-        "All in one agent step under the resting policy, noisy mobile, rope on: a step whose frames the encoder was "
-        "trained on. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: what the "
-        "eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the table of "
-        "p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of MOVE, which "
-        "is the mean of such areas over all dimensions, for the three joints of each limb (hips or shoulders, then "
-        "knee or elbow; filled: the limb with the rope). Surprise: the table of p(h|a), its mean, and the h that came, "
-        "in the dimension in which the mean erred most; a line for each dimension from the mean to the h that came. "
-        "CAIS and Surprise are those of the joint that CAIS paid most; the outcome models had learned from the other "
-        "recorded worlds and from this world's earlier steps. Each reward is in its own units: it is scaled before it "
-        "is paid, and before Surprise is added.",
+        "All in one agent step under the resting policy, noisy mobile, rope on; its frames are among those recorded "
+        "for the encoder. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: "
+        "what the eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the "
+        "table of p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of "
+        "MOVE, which is the mean of such areas over all dimensions, for the three joints of each limb (hips or "
+        "shoulders, then knee or elbow; filled: the limb with the rope). Surprise: the table of p(h|a), its mean, and "
+        "the h that came, in the dimension in which the mean erred most; a line for each dimension from the mean to "
+        "the h that came. CAIS and Surprise are those of the joint that CAIS paid most; the outcome models had learned "
+        "from the other recorded worlds and from this world's earlier steps. Each reward is in its own units: it is "
+        "scaled before it is paid, and before Surprise is added.",
         "Four panels, one for each reward: from what happened in one agent step to what each reward makes of it.",
         (_ENCODER, _FRAMES),
         paper=True,

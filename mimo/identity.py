@@ -91,6 +91,15 @@ def code(*modules: str, rewards: Collection[str] | None = None, root: Path = ROO
     return dict(sorted(hashes.items()))
 
 
+def syntax(path: Path) -> str:
+    """SHA-256 of one Python file's syntax tree, as `code` has it for a module; what it imports does not count.
+
+    Raises:
+        IdentityError: it is not Python.
+    """
+    return _parse(path, path.read_text(encoding="utf-8"), None)[0]
+
+
 def versions() -> dict[str, str]:
     """Versions of the libraries that decide numbers, as installed.
 

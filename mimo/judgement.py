@@ -27,7 +27,7 @@ Measure = Callable[[Curves, Windows], Array]  # -> (seed,) effects
 
 LEVEL = 0.95  # of the intervals
 RESAMPLES = 9999
-HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
+VERDICTS = HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def table(cells: curves.Cells, curve: str, phases: Mapping[str, slice]) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["step", "condition", "reward", "group", "mean", "sd"])
+    writer.writerow(["step", "phase", "condition", "reward", "group", "mean", "sd"])
     for (condition, reward), stacked in cells.items():
         for group in analysis.GROUPS:
             if f"{curve}/{group}" not in stacked:
@@ -61,7 +61,8 @@ def table(cells: curves.Cells, curve: str, phases: Mapping[str, slice]) -> str:
             steps, means = analysis.blocks(stacked[f"{curve}/{group}"], phases, analysis.window(phases))
             for step, mean, sd in zip(steps, *analysis.mean_sd(means), strict=True):
                 values = [numbers.rounded(float(value)) for value in (mean, sd)]
-                writer.writerow([f"{step:g}", condition, reward, group, *values])
+                phase = next(name for name, steps in phases.items() if step <= steps.stop)
+                writer.writerow([f"{step:g}", phase, condition, reward, group, *values])
     return text.getvalue()
 
 

@@ -1,7 +1,8 @@
 """From published runs to curves stacked over seeds, and these as datasets: of the paper's own cells, or a variant's."""
 
+import itertools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,7 +47,26 @@ def about(p: Params, seeds: int) -> dict[str, str | int | float]:
 def read(
     p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
 ) -> Stacked:
-    """The runs of some cells, of the paper or of a variant.
+    """The curves of some cells, of the paper or of a variant; arguments and faults as in `runs`."""
+    limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
+    found: dict[tuple[str, str], list[dict[str, np.ndarray]]] = {}
+    stacked = Stacked({}, {}, {})
+    for pair, run in runs(p, pairs, seeds, progress, variant):
+        record = {name: dataset.values for name, dataset in run.datasets.items()}
+        curves = analysis.curves(record, limbs, p.protocol.limb)
+        cell = found.setdefault(pair, [])
+        stacked.runs[f"{'/'.join(pair)}/{len(cell)}"] = run.content
+        cell.append(curves)
+        stacked.units.update({name: _unit(name, run) for name in curves})
+    for pair, cell in found.items():
+        stacked.cells[pair] = {name: np.stack([run[name] for run in cell]) for name in cell[0]}
+    return stacked
+
+
+def runs(
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+) -> Iterator[tuple[tuple[str, str], artifact.Artifact]]:
+    """The runs of some cells, a cell's in the order of seeds, each with its condition and reward.
 
     Args:
         p: for the protocol, which all variants share.
@@ -61,25 +81,16 @@ def read(
     """
     pairs = list(pairs)
     listed = _digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
-    limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
     steps = phases(p)["extinction"].stop
-    stacked = Stacked({}, {}, {})
-    for condition, reward in pairs:
-        found = []
-        for seed in range(seeds):
-            path = paths.run(condition, reward, seed, variant)
-            run = artifact.read(path, store.RUN, listed.get(path))
-            record = {name: dataset.values for name, dataset in run.datasets.items()}
-            if len(record["reward"]) != steps:
-                raise console.StageError(
-                    f"{run.path} has {len(record['reward'])} steps where params.yaml asks for {steps}; run `dvc repro`."
-                )
-            found.append(analysis.curves(record, limbs, p.protocol.limb))
-            stacked.units.update({name: _unit(name, run) for name in found[-1]})
-            stacked.runs[f"{condition}/{reward}/{seed}"] = run.content
-            progress.update(progress.done + 1)
-        stacked.cells[condition, reward] = {name: np.stack([run[name] for run in found]) for name in found[0]}
-    return stacked
+    for pair, seed in itertools.product(pairs, range(seeds)):
+        path = paths.run(*pair, seed, variant)
+        run = artifact.read(path, store.RUN, listed.get(path))
+        if len(run["reward"]) != steps:
+            raise console.StageError(
+                f"{run.path} has {len(run['reward'])} steps where params.yaml asks for {steps}; run `dvc repro`."
+            )
+        yield pair, run
+        progress.update(progress.done + 1)
 
 
 def datasets(stacked: Stacked, above: str = "") -> dict[str, artifact.Dataset]:

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+PARAMS = Path("params.yaml")
+
 FRAMES = Path("data/frames.h5")
 ENCODER = Path("data/encoder.h5")
 SCALES = Path("data/scales.h5")
@@ -15,13 +17,16 @@ TRIAL = Path("data/trial.h5")
 
 ARTIFACTS = Path("reports/artifacts.json")
 PUBLISHED_ON = Path("reports/published-on.json")
+HEADLINE = Path("reports/headline")
 METRICS = Path("reports/metrics.json")
 ENCODER_METRICS = Path("reports/encoder.json")
 EFFECTS = Path("reports/effects.json")
 CLAIMS = Path("reports/claims.json")
 VARIANT_CLAIMS = Path("reports/variants.json")
+EXPLORE = Path("reports/explore.json")
 PLOTS = Path("reports/plots")
 FIGURES = Path("reports/figures")
+FILMS = Path("reports/film")
 REPORT = Path("reports/index.html")
 
 STORE = Path(".work")  # content-addressed, one folder a kind

@@ -11,7 +11,7 @@ import pytest
 from tests.pipeline.conftest import CELLS, GAIN, VARIANTS
 from tests.pipeline.project import digests, edit, python, ran, repro, stored
 
-ENDS = {"analyse", "catalogue", "claims", "figures", "report"}
+ENDS = {"analyse", "catalogue", "claims", "explore", "figures", "report"}
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -37,6 +37,7 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
         "index.html",
         "metrics.json",
         "effects.json",
+        "explore.json",
         "figures/fig3.png",
         "figures/fig3.svg",
         "figures/fig4.png",

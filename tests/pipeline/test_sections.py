@@ -48,14 +48,14 @@ TRIAL = "encoder: {iterations: 1}\n"  # in place of params.preview.yaml, which t
 
 # Stages in the order of dvc.yaml, those of a matrix by patterns.
 STAGES = [
-    "collect", "encoder", "trial", "calibrate", "effects", "train", "runs@*", "analyse", "vary", "variants@*",
-    "compare", "claims", "catalogue", "figures", "report",
+    "collect", "encoder", "trial", "calibrate", "effects", "train", "runs@*", "analyse", "explore", "vary",
+    "variants@*", "compare", "claims", "catalogue", "figures", "report",
 ]  # fmt: skip
 ALL = frozenset(STAGES)
 ENDS = frozenset({"claims", "catalogue", "report"})
-OF_RUNS = ENDS | {"train", "runs@*", "analyse", "figures"}
+OF_RUNS = ENDS | {"train", "runs@*", "analyse", "explore", "figures"}
 OF_VARIANTS = ENDS | {"vary", "variants@*", "compare"}
-OF_CAIS = ENDS | {"train", "runs@*-cais", "analyse", "figures", "vary", "variants@eager", "compare"}
+OF_CAIS = ENDS | {"train", "runs@*-cais", "analyse", "explore", "figures", "vary", "variants@eager", "compare"}
 # What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
 SCALES = frozenset({"scales", "variants' scales"})
 BEFORE = SCALES | {"frames", "encoder", "trial", "effects"}

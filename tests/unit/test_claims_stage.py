@@ -95,6 +95,14 @@ def test_claims_json_says_of_what_it_is_and_rounds(tmp_path: Path, monkeypatch: 
     assert variants["taken"]["claims"] == []
     claims.main()
     assert paths.CLAIMS.read_text() == text
+    assert headlines() == {
+        "verdicts": {"holds": 0, "fails": 3, "undecided": 1},
+        "lead-free": {"mtl": 0.21, "cais_surprise": 0.01},
+    }
+
+
+def headlines() -> dict[str, dict[str, float]]:
+    return {path.stem: json.loads(path.read_text()) for path in paths.HEADLINE.iterdir()}
 
 
 @pytest.mark.filterwarnings("ignore:.*confidence interval cannot be calculated")

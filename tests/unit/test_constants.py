@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stages import numbers, report
+from stages import constants, numbers, report
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,19 +23,19 @@ def test_constants_with_their_comments():
         "  variants:",
         "    f: {asks: 'why?', set: {a.b: [1, 2], e: 2.0}, cells: {free: [mtl]}}",
     )
-    assert report.constants("\n".join(lines)) == [
-        report.Constant("seed", "3", "ours", "ours: any"),
-        report.Constant("a.b", "1, 2", "paper and ours", "m. paper §2.1; ours: more"),
-        report.Constant("a.c", "#no", "", ""),
-        report.Constant("a.d", "x, y", "", ""),
-        report.Constant("e", "1.0", "paper", "paper appendix"),
-        report.Constant("sweeps.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
+    assert constants.constants("\n".join(lines)) == [
+        constants.Constant("seed", "3", "ours", "ours: any"),
+        constants.Constant("a.b", "1, 2", "paper and ours", "m. paper §2.1; ours: more"),
+        constants.Constant("a.c", "#no", "", ""),
+        constants.Constant("a.d", "x, y", "", ""),
+        constants.Constant("e", "1.0", "paper", "paper appendix"),
+        constants.Constant("sweeps.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
     ]
 
 
 def test_every_constant_of_params_yaml_says_its_source():
     assert [
-        constant.key for constant in report.constants((ROOT / "params.yaml").read_text()) if not constant.source
+        constant.key for constant in constants.constants((ROOT / "params.yaml").read_text()) if not constant.source
     ] == []
 
 

@@ -1,0 +1,162 @@
+"""The report in a real browser, from its file: the published one, and that of a small project."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from selenium.webdriver import ActionChains, Chrome, ChromeOptions, ChromeService, Keys
+from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.select import Select
+from selenium.webdriver.support.wait import WebDriverWait
+
+from stages import paths
+
+ROOT = Path(__file__).resolve().parents[2]
+QUIET = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PHONE, DESK, PAPER = 390, 1440, 673  # pixels; paper is A4 less its margins
+PICTURES = "return [...document.images].map(image => image.complete && image.naturalWidth)"
+OVERFLOW = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+PROGRAMS = shutil.which("chromium"), shutil.which("chromedriver")
+
+FILMS = sorted((ROOT / paths.FILMS).glob("*.mp4"))
+
+pytestmark = pytest.mark.skipif(None in PROGRAMS, reason="Debian's chromium and chromium-driver are not installed")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    options = ChromeOptions()
+    options.binary_location = str(PROGRAMS[0])
+    for flag in (*QUIET, f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = Chrome(options, ChromeService(PROGRAMS[1]))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def published(browser: Chrome) -> Chrome:
+    """The browser with the published page open, as wide as a desk's."""
+    return opened(browser, ROOT)
+
+
+@pytest.fixture
+def made(browser: Chrome, reported: Path) -> Chrome:
+    """The browser with the small project's page open, whose numbers are known."""
+    return opened(browser, reported)
+
+
+def opened(browser: Chrome, project: Path) -> Chrome:
+    widen(browser, DESK)
+    browser.get((project / paths.REPORT).as_uri())
+    return browser
+
+
+def widen(browser: Chrome, width: int, media: str = "") -> None:
+    metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width == PHONE}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media})
+
+
+def reading(browser: Chrome) -> str:
+    return browser.find_element(By.ID, "reading").text
+
+
+def curves(browser: Chrome) -> list[str | None]:
+    return [path.get_attribute("d") for path in browser.find_elements(By.CSS_SELECTOR, "#panels .mean")]
+
+
+def choose(browser: Chrome, name: str, text: str) -> None:
+    Select(browser.find_element(By.NAME, name)).select_by_visible_text(text)
+
+
+def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(published: Chrome) -> None:
+    pictures = published.execute_script(PICTURES)
+    assert len(pictures) >= 6
+    assert min(pictures) > 0
+    for width, media in ((DESK, ""), (PHONE, ""), (PAPER, "print")):
+        widen(published, width, media)
+        assert published.execute_script("return innerWidth") == width
+        assert published.execute_script(OVERFLOW) == 0, width
+    assert published.get_log("browser") == []
+
+
+@pytest.mark.skipif(not FILMS, reason="no film is published yet")
+def test_films_play(published: Chrome) -> None:
+    films = published.find_elements(By.TAG_NAME, "video")
+    assert len(films) == len(FILMS)
+    for film in films:
+        assert state(film, "currentTime") == 0
+        published.execute_script("arguments[0].muted = true; arguments[0].play()", film)
+        WebDriverWait(film, 20).until(lambda film: state(film, "currentTime") > 0.1)
+        assert state(film, "videoWidth") > 0
+        published.execute_script("arguments[0].pause()", film)
+    assert published.get_log("browser") == []
+
+
+def state(film: WebElement, name: str) -> float:
+    return float(str(film.get_property(name)))
+
+
+def test_the_explorer_draws_what_is_chosen(made: Chrome) -> None:
+    assert len(curves(made)) == 2 * 3  # attached limb and others, in three panels
+    choose(made, "condition", "free")
+    attached, others = reading(made).splitlines()[1:]
+    assert "P(MOVE) 0.812 ± 0.088" in attached or "P(MOVE) 0.813 ± 0.088" in attached
+    assert others.endswith("P(MOVE) 0.250 ± 0.000")
+    before = curves(made)
+    choose(made, "condition", "noisy")
+    assert curves(made) != before
+    assert "P(MOVE) 0.563 ± 0.088" in reading(made) or "P(MOVE) 0.562 ± 0.088" in reading(made)
+    choose(made, "joint", "right elbow")
+    assert len(curves(made)) == 3
+    assert reading(made).endswith("P(MOVE) 0.875 ± 0.000")
+    choose(made, "joint", "left knee, attached")
+    made.find_element(By.CSS_SELECTOR, "[name=seed][value='0']").click()
+    assert reading(made).splitlines()[0].endswith("n = 1")
+    assert reading(made).endswith("P(MOVE) 0.625")
+    made.find_element(By.NAME, "none").click()
+    assert reading(made) == "No seed is chosen."
+    made.find_element(By.NAME, "all").click()
+    made.find_element(By.NAME, "each").click()
+    assert len(made.find_elements(By.CSS_SELECTOR, "#panels .seed")) == 2 * 3
+    assert made.get_log("browser") == []
+
+
+def test_the_explorer_is_read_by_keyboard_and_by_pointer(made: Chrome) -> None:
+    slider = made.find_element(By.NAME, "step")
+    assert "step 60 (attached)" in reading(made)
+    slider.send_keys(Keys.ARROW_RIGHT)
+    assert "step 61 (extinction)" in reading(made)
+    assert slider.get_attribute("aria-valuetext") == "step 61, extinction"
+    panels = made.find_element(By.ID, "panels")
+    ActionChains(made).move_to_element_with_offset(panels, -panels.size["width"] // 2 + 60, -100).perform()
+    assert "(baseline)" in reading(made)
+    choose(made, "reward", "MTL + Surprise")
+    assert "(baseline)" in reading(made)
+    widen(made, PHONE)
+    WebDriverWait(made, 5).until(lambda page: page.find_element(By.CSS_SELECTOR, "#panels svg").size["width"] < PHONE)
+    assert made.execute_script(OVERFLOW) == 0
+
+
+def test_without_scripts_a_sentence_says_what_is_missing(made: Chrome) -> None:
+    made.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        made.refresh()
+        section = made.find_element(By.ID, "explore")
+        assert "This part needs JavaScript" in section.text
+        assert not made.find_element(By.ID, "explorer").is_displayed()
+    finally:
+        made.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})

@@ -4,6 +4,7 @@ From reports/metrics.json, claims.json, variants.json, effects.json and figures/
 """
 
 import base64
+import hashlib
 import json
 import re
 import sys
@@ -36,8 +37,36 @@ _PANELS = (
     "last {memory} transitions; for as many steps after the rope is gone, some of these were made with it."
 )
 CAPTIONS = {  # by file name: heading, caption, where the data lie
+    "fig1": (
+        "Figure 1. Setting",
+        "A: the scene in third person, before anything moved, and a picture of the right eye while the rope is on; the "
+        "eye does not see the red rope. B: what passes between agent and environment in an agent step. C: the phases "
+        "in agent steps, and an agent step in physics updates. D: the torque of each joint without and with MOVE, "
+        "whose direction is drawn at random; the joints of the limb with the rope in bold.",
+        "params",
+    ),
+    "fig2": (
+        "Figure 2. Rewards",
+        "All in one agent step under the resting policy, noisy mobile, rope on: a step whose frames the encoder was "
+        "trained on. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: what the "
+        "eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the table of "
+        "p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of MOVE, which "
+        "is the mean of such areas over all dimensions, for the three joints of each limb (hips or shoulders, then "
+        "knee or elbow; filled: the limb with the rope). Surprise: the table of p(h|a), its mean, and the h that came, "
+        "in the dimension in which the mean erred most; a line for each dimension from the mean to the h that came. "
+        "CAIS and Surprise are those of the joint that CAIS paid most; the outcome models had learned from the other "
+        "recorded worlds and from this world's earlier steps. Each reward is in its own units: it is scaled before it "
+        "is paid, and before Surprise is added.",
+        "encoder",
+    ),
     "fig3": ("Figure 3. Free mobile", _PANELS, "results"),
     "fig4": ("Figure 4. Noisy mobile", _PANELS, "results"),
+    "fig5": (
+        "Figure 5. Agent",
+        "The Q network, which all joints share: what goes in, its layers with their sizes, and how an action comes of "
+        "the values it gives. Below: what a residual layer does.",
+        "params",
+    ),
     "p_move": (
         "Probability of moving",
         "P(MOVE) of the attached limb's three joints and of the other nine, for every reward and condition. "
@@ -159,6 +188,7 @@ def figures(metrics: dict[str, Any], folder: Path, p: params.Params) -> list[Sho
         p: for what captions say of it.
     """
     data = {"results": (paths.RESULTS, metrics["results"]), "encoder": (paths.ENCODER, metrics["encoder"]["content"])}
+    data["params"] = (PARAMS, hashlib.sha256(PARAMS.read_bytes()).hexdigest())
     said = {"gain": p.rewards.gain, "memory": p.outcomes.memory, "probe": _probe(metrics["encoder"])}
     shown = []
     for name, (heading, caption, source) in CAPTIONS.items():

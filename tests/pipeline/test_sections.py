@@ -99,7 +99,7 @@ EDITS = (
     Edit("rewards.scale", "running", OF_RUNS | OF_VARIANTS | {"calibrate"}, NONE, RUNS),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
     # Its scale is measured, but no run here has Surprise in its reward.
-    Edit("rewards.surprise.pays", "move", ENDS | {"calibrate", "train", "analyse", "vary"}, SCALES),
+    Edit("rewards.surprise.pays", "move", ENDS | {"calibrate", "train", "analyse", "figures", "vary"}, SCALES),
     Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*"}),
     Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
     Edit("sweep.seeds", 2, OF_RUNS, NONE, {"*, seed 1"}),

@@ -190,14 +190,16 @@ def test_a_run_of_another_length_is_refused(project: Path, monkeypatch: pytest.M
 
 def test_figures_are_the_same_bytes_in_another_process_whatever_the_users_matplotlibrc(project: Path):
     drawn = {path.name: path.read_bytes() for path in (project / paths.FIGURES).iterdir()}
-    assert set(drawn) == {f"{name}.{kind}" for name in report.CAPTIONS for kind in ("svg", "png")}
+    assert set(drawn) == {f"{name}.{kind}" for name in report.CAPTIONS for kind in figures.METADATA}
     rc = project / "matplotlibrc"
     rc.write_text("lines.linewidth: 7\nsvg.fonttype: none\naxes.facecolor: red\n")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo", "LC_ALL": "C"}
     subprocess.run([sys.executable, "-m", "stages.figures"], cwd=project, env=environment, check=True)
     rc.unlink()
     assert {path.name: path.read_bytes() for path in (project / paths.FIGURES).iterdir()} == drawn
-    assert not any(b"dc:date" in data for data in drawn.values())
+    assert not any(b"dc:date" in data or b"/CreationDate" in data for data in drawn.values())
+    pdfs = [data for name, data in drawn.items() if name.endswith(".pdf")]
+    assert all(b"/FontFile2" in data and b"/Type3" not in data for data in pdfs)  # fonts embedded, as TrueType
 
 
 def test_reconstructions_are_small_and_of_frames_kept_from_the_training(
@@ -207,13 +209,15 @@ def test_reconstructions_are_small_and_of_frames_kept_from_the_training(
     assert len(svg) < 400_000  # a trained encoder leaves less noise, and 200 kB
     held = artifact.read(project / paths.ENCODER, encoder.SCHEMA)
     figure = figures._reconstructions(tiny, held, collected[0])
-    images = [np.asarray(ax.images[0].get_array()) for ax in figure.axes]
+    texts, *pictures = figure.axes
+    images = [np.asarray(ax.images[0].get_array()) for ax in pictures]
     assert [image.shape for image in images] == [(128, 128, 3)] * 12
     assert svg.count(b"<image ") == 12
     first = round(tiny.collect.steps * (1 - tiny.collect.held_out))
     assert all((image == collected[0][regime, 0, first, 0]).all() for regime, image in enumerate(images[:4]))
     assert not any((with_skips == alone).all() for with_skips, alone in zip(images[4:8], images[8:], strict=True))
-    assert [ax.get_title() for ax in figure.axes[:4]] == [
+    assert [text.get_text() for text in texts.texts] == [
+        "input", "reconstruction", "from h alone",
         "free, rope off", "free, rope on", "noisy, rope off", "noisy, rope on",
     ]  # fmt: skip
 

@@ -79,7 +79,7 @@ def drawn(
     """Every figure's name and its files' bytes by kind, as in METADATA; a condition without runs has no figure.
 
     Args:
-        p: for schematics, the encoder's shape, and which frames it was not trained on.
+        p: all of params.yaml.
         results: the curves.
         held: the encoder.
         frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.collect gives them.

@@ -8,7 +8,7 @@ import numpy as np
 from mimo.scene import Scene
 
 PIXELS = 640  # a side
-FINER = 3  # pixels drawn for one shown, each way: smooth edges without multisampling, which drivers do differently
+FINER = 2  # pixels drawn for one shown, each way: smooth edges without multisampling, which drivers do differently
 AZIMUTH, ELEVATION, DISTANCE, LOOK_AT = 206.0, -34.0, 1.5, (0.0, 0.0, 0.27)  # degrees, m: from beyond the feet
 ROPE_WIDTH = 0.003  # m
 AMBIENT, HEADLIGHT, LAMP, LAMP_TOWARDS = 0.45, 0.25, 0.42, (-0.3, 0.35, -1.0)  # the scene's own lamp is for the eye

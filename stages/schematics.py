@@ -67,7 +67,7 @@ def _loop(ax: Axes, p: params.Params) -> None:
     forces = f"force on the mobile: {p.conditions.free.force:g} N (free), {p.conditions.noisy.force:g} N (noisy)"
     box(ax, (135, top + 6), (88, 12), f"{updates}\n{forces}", GROUND)
     learning = f"Expected SARSA ($\\gamma$ = {p.agent.gamma:g})"
-    policy = f"Boltzmann policy ($\\mathcal{{T}}$ = {p.agent.temperature:g})"
+    policy = f"Boltzmann policy (temperature {p.agent.temperature:g})"
     box(ax, (135, bottom - 6), (88, 12), f"Agent, a step every {1000 * seconds:g} ms\n{learning}, {policy}", GROUND)
     middle, half = (top + bottom) / 2, 3 + 2 * len(REWARDS)
     arrow(ax, (97, top), (97, bottom))
@@ -166,7 +166,7 @@ def network(p: params.Params) -> Figure:
         arrow(ax, (x + width / 2, y), (x + width / 2 + gap, y))
         x += width + gap
     box(ax, (x, y), (width, 10), f"Q values\n{agent.JOINTS} × {agent.ACTIONS}")
-    chain = (f"Boltzmann\npolicy, $\\mathcal{{T}}$ = {p.agent.temperature:g}", f"P({MOVE})\n({agent.JOINTS})")
+    chain = (f"Boltzmann policy,\ntemperature {p.agent.temperature:g}", f"P({MOVE})\n({agent.JOINTS})")
     arrow(ax, (x, y - 5), (x, y - 16))
     bias = f"{p.agent.move_bias:+g}".replace("-", "− ").replace("+", "+ ")
     note(ax, (x - 1.5, y - 10.5), f"Q({MOVE}) {bias}", ha="right")

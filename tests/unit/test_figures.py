@@ -103,7 +103,7 @@ def test_the_layers_of_figure_5_follow_params(tiny: params.Params):
         "Linear 32 → 32", "LayerNorm 32",
     ]  # fmt: skip
     assert "Q(MOVE) − 0.5" in said
-    assert any(text.endswith("= 0.7") for text in said)
+    assert any(text.endswith("temperature 0.7") for text in said)
 
 
 def test_third_persons_see_the_rope_and_the_eye_does_not(tiny: params.Params, monkeypatch: pytest.MonkeyPatch):

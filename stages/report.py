@@ -47,8 +47,8 @@ CAPTIONS = {  # by file name: heading, caption, where the data lie
     ),
     "fig2": (
         "Figure 2. Rewards",
-        "All in one agent step under the resting policy, noisy mobile, rope on: a step whose frames the encoder was "
-        "trained on. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: what the "
+        "All in one agent step under the resting policy, noisy mobile, rope on; its frames are among those "
+        "recorded for the encoder. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: what the "
         "eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the table of "
         "p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of MOVE, which "
         "is the mean of such areas over all dimensions, for the three joints of each limb (hips or shoulders, then "

@@ -47,16 +47,16 @@ CAPTIONS = {  # by file name: heading, caption, where the data lie
     ),
     "fig2": (
         "Figure 2. Rewards",
-        "All in one agent step under the resting policy, noisy mobile, rope on; its frames are among those "
-        "recorded for the encoder. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: what the "
-        "eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the table of "
-        "p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of MOVE, which "
-        "is the mean of such areas over all dimensions, for the three joints of each limb (hips or shoulders, then "
-        "knee or elbow; filled: the limb with the rope). Surprise: the table of p(h|a), its mean, and the h that came, "
-        "in the dimension in which the mean erred most; a line for each dimension from the mean to the h that came. "
-        "CAIS and Surprise are those of the joint that CAIS paid most; the outcome models had learned from the other "
-        "recorded worlds and from this world's earlier steps. Each reward is in its own units: it is scaled before it "
-        "is paid, and before Surprise is added.",
+        "All in one agent step under the resting policy, noisy mobile, rope on; its frames are among those recorded "
+        "for the encoder. MTL: the mobile's path from above, from the ring to the dot, and its length so far. RTL: "
+        "what the eye saw before and after; a line for each dimension of h, with a dot at its new value. CAIS: the "
+        "table of p(h|MOVE) against that of p(h), in the dimension in which they differ most, and the influence of "
+        "MOVE, which is the mean of such areas over all dimensions, for the three joints of each limb (hips or "
+        "shoulders, then knee or elbow; filled: the limb with the rope). Surprise: the table of p(h|a), its mean, and "
+        "the h that came, in the dimension in which the mean erred most; a line for each dimension from the mean to "
+        "the h that came. CAIS and Surprise are those of the joint that CAIS paid most; the outcome models had "
+        "learned from the other recorded worlds and from this world's earlier steps. Each reward is in its own units: "
+        "it is scaled before it is paid, and before Surprise is added.",
         "encoder",
     ),
     "fig3": ("Figure 3. Free mobile", _PANELS, "results"),

@@ -1,4 +1,4 @@
-"""`python -m stages.figures`: reports/figures/, each figure as SVG and PNG, from results, encoder and frames."""
+"""`python -m stages.figures`: reports/figures/, each figure as SVG, PDF and PNG, from results, encoder and frames."""
 
 import io
 import re
@@ -10,16 +10,31 @@ import matplotlib as mpl
 import numpy as np
 import torch
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from mimo import analysis, artifact, collect, encoder, params
-from stages import console, origin, paths, store
+from mimo import analysis, artifact, collect, encoder, params, scene
+from stages import console, example, origin, paths, schematics, store, taxonomy
 from stages.results import phases_of
-from stages.style import COLOURS, DASHES, OTHER_COLOUR, SHADES, STYLE
+from stages.style import (
+    COLOURS,
+    DASHES,
+    GROUND,
+    HEADING,
+    INK,
+    OTHER_COLOUR,
+    SMALL,
+    STYLE,
+    WIDTH,
+    Place,
+    heading,
+    inset,
+    note,
+    page,
+    picture,
+)
 
 PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the paper's figures 3 and 4
     ("A", "MTL, RTL and Surprise", "reward", ("all",), ("mtl", "rtl", "surprise")),
@@ -39,6 +54,11 @@ AXES = {
     "move_probability": "P(MOVE)",
     "influence": "Influence of MOVE: W1 (h)",
 }
+METADATA: dict[str, Any] = {  # by kind of file: without date or version, so that the same data give the same bytes
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "png": {"Software": None},
+}
 PAPER = {"fig3": ("free", "Free mobile"), "fig4": ("noisy", "Noisy mobile")}
 
 
@@ -56,21 +76,26 @@ def main() -> None:
 def drawn(
     p: params.Params, results: artifact.Artifact, held: artifact.Artifact, frames: np.ndarray
 ) -> list[tuple[str, dict[str, bytes]]]:
-    """Every figure's name and its files' bytes by kind, svg and png; a condition without runs has no figure.
+    """Every figure's name and its files' bytes by kind, as in METADATA; a condition without runs has no figure.
 
     Args:
-        p: for the encoder's shape, and which frames it was not trained on.
+        p: all of params.yaml.
         results: the curves.
         held: the encoder.
         frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.collect gives them.
     """
-    conditions = _conditions(results)
+    built, roped = scene.build(p.world, p.protocol), collect.REGIMES.index(("free", True))
     todo: list[tuple[str, Callable[[], Figure]]] = [
-        (name, partial(_paper_figure, results, condition, title))
-        for name, (condition, title) in PAPER.items()
-        if condition in conditions
+        ("fig1", lambda: schematics.setting(p, built, frames[roped, 0, 0, 0])),
+        ("fig2", lambda: taxonomy.rewards(p, example.take(p, held, frames, built))),
     ]
     todo += [
+        (name, partial(_paper_figure, results, condition, title))
+        for name, (condition, title) in PAPER.items()
+        if condition in _conditions(results)
+    ]
+    todo += [
+        ("fig5", lambda: schematics.network(p)),
         ("p_move", partial(_multiples, results, "move_probability")),
         ("encoder", partial(_encoder, held)),
         ("reconstructions", partial(_reconstructions, p, held, frames)),
@@ -84,10 +109,8 @@ def drawn(
 
 
 def _files(figure: Figure) -> dict[str, bytes]:
-    """Without date or version, so that the same data give the same bytes."""
-    FigureCanvasAgg(figure)
     files = {}
-    for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
+    for kind, metadata in METADATA.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, metadata=metadata)
         files[kind] = buffer.getvalue()
@@ -111,59 +134,77 @@ def _rewards(results: artifact.Artifact, curve: str) -> list[str]:
 
 def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Figure:
     """Four panels as in the paper's captions; in each, a strip for each reward, since their sizes differ."""
-    figure = Figure(figsize=(10, 8), layout="constrained")
-    figure.suptitle(f"{title}: {_legend_text(results)}", fontsize=10)
-    top, bottom = figure.subfigures(2, 1, height_ratios=(1, 1.12), squeeze=False)[:, 0]
-    grid = [part for row in (top, bottom) for part in row.subfigures(1, 2, squeeze=False)[0]]
-    for part, (letter, text, curve, groups, rewards) in zip(grid, PANELS, strict=True):
-        part.suptitle(f"{letter}   {text}", x=0.02, ha="left", fontsize=10, fontweight="bold")
-        part.supylabel(AXES[curve], fontsize=9)
-        strips = part.subplots(len(rewards), 1, sharex=True, squeeze=False)[:, 0]
-        for ax, reward in zip(strips, rewards, strict=True):
-            _strip(ax, results, (condition, reward, curve), groups)
-            ax.set_title(analysis.label(reward), loc="left", pad=3)
-        _name_phases(strips[0], phases_of(results))
-        strips[-1].set_xlabel("agent step")
-    _legend(bottom)
+    figure, ax = page(156.0)
+    note(ax, (WIDTH / 2, 153), f"{title}: {_legend_text(results)}")
+    tops = {"A": (0, 149), "B": (91, 149), "C": (0, 78), "D": (91, 78)}
+    for letter, text, curve, groups, rewards in PANELS:
+        x, top = tops[letter]
+        heading(ax, (x + 1, top), letter, text)
+        strips = _stack(figure, (x + 14, top - 10), 71, 51, len(rewards))
+        for strip, reward in zip(strips, rewards, strict=True):
+            _strip(strip, results, (condition, reward, curve), groups)
+            strip.text(0, 1.03, analysis.label(reward), transform=strip.transAxes)
+        _name_phases(strips[0], phases_of(results), 11.5)
+        note(ax, (x + 3, top - 35), AXES[curve], rotation=90)
+        note(ax, (x + 14 + 71 / 2, top - 67.5), "agent step")
+    _legend(ax, "attached limb (A, B: all joints)")
     return figure
 
 
 def _multiples(results: artifact.Artifact, curve: str) -> Figure:
     """One curve, attached limb against the others: rewards down, conditions across."""
     conditions, rewards = _conditions(results), _rewards(results, curve)
-    figure = Figure(figsize=(8, 1.25 * len(rewards) + 1.2), layout="constrained")
-    figure.suptitle(f"{AXES[curve]}: {_legend_text(results)}", fontsize=10)
-    grid = figure.subplots(len(rewards), len(conditions), sharex=True, sharey="row", squeeze=False)
-    for row, reward in zip(grid, rewards, strict=True):
-        for ax, condition in zip(row, conditions, strict=True):
-            _strip(ax, results, (condition, reward, curve), analysis.GROUPS)
+    height, width = 21.0 * len(rewards), (WIDTH - 12) / len(conditions)
+    figure, ax = page(height + 29)
+    note(ax, (WIDTH / 2, height + 26), f"{AXES[curve]}: {_legend_text(results)}")
+    grid = [
+        _stack(figure, (18 + width * column, height + 15), width - 11, height, len(rewards))
+        for column in range(len(conditions))
+    ]
+    for condition, strips in zip(conditions, grid, strict=True):
+        for strip, first, reward in zip(strips, grid[0], rewards, strict=True):
+            if strip is not first:
+                strip.sharey(first)
+                strip.tick_params(labelleft=False)
+            _strip(strip, results, (condition, reward, curve), analysis.GROUPS)
             if curve == "move_probability":
-                ax.set_ylim(0, 1)
-            ax.set_title(analysis.label(reward), loc="left", pad=3)
-    for ax, condition in zip(grid[0], conditions, strict=True):
-        _name_phases(ax, phases_of(results))
-        ax.annotate(
-            f"{condition.capitalize()} mobile", (0.5, 1), (0, 27), "axes fraction", "offset points", ha="center",
-            fontweight="bold",
-        )  # fmt: skip
-    for ax in grid[-1]:
-        ax.set_xlabel("agent step")
-    figure.supylabel(AXES[curve], fontsize=9)
-    _legend(figure)
+                strip.set_ylim(0, 1)
+        _name_phases(strips[0], phases_of(results), 3)
+        middle = float(strips[0].get_position().intervalx.mean()) * WIDTH
+        ax.text(middle, height + 20, f"{condition.capitalize()} mobile", ha="center", **HEADING)
+        note(ax, (middle, 8.5), "agent step")
+    for strip, reward in zip(grid[0], rewards, strict=True):
+        middle = float(strip.get_position().intervaly.mean()) * (height + 29)
+        note(ax, (5, middle), analysis.label(reward).replace(" + ", "\n+ "), rotation=90)
+    _legend(ax, "attached limb")
     return figure
+
+
+def _stack(figure: Figure, corner: Place, width: float, height: float, count: int) -> list[Axes]:
+    """Axes one below the other from an upper left corner on a page, a line of text apart, in mm.
+
+    They share the horizontal axis, which is numbered on the last.
+    """
+    (x, top), gap = corner, 5.0
+    each = (height - gap * (count - 1)) / count
+    axes = [inset(figure, (x, top - each - row * (each + gap)), width, each) for row in range(count)]
+    for ax in axes[:-1]:
+        ax.sharex(axes[-1])
+        ax.tick_params(labelbottom=False)
+    return axes
 
 
 def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], groups: Sequence[str]) -> None:
     """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border."""
     phases = phases_of(results)
-    for name, phase in phases.items():
-        ax.axvspan(phase.start + 0.5, phase.stop + 0.5, color=SHADES[name], lw=0, zorder=0)
+    roped = phases["attached"]
+    ax.axvspan(roped.start + 0.5, roped.stop + 0.5, color=GROUND, lw=0, zorder=0)
     ax.set_xlim(0.5, phases["extinction"].stop + 0.5)
     ax.yaxis.set_major_locator(MaxNLocator(4))
     condition, reward, curve = which
     colour = COLOURS.get(reward, OTHER_COLOUR)
     if f"{condition}/{reward}/{curve}/{groups[0]}" not in results.datasets:
-        ax.set_yticks([])
+        ax.tick_params(left=False, labelleft=False)
         ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
         return
     width = analysis.window(phases)
@@ -178,11 +219,11 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
             ax.plot(x, m, color=colour, ls=DASHES[group])
 
 
-def _name_phases(ax: Axes, phases: Mapping[str, slice]) -> None:
-    """The phases' names, small, above the title line of the topmost strip."""
+def _name_phases(ax: Axes, phases: Mapping[str, slice], above: float) -> None:
+    """The phases' names, small, so many points above a strip."""
     for name, phase in phases.items():
-        middle = (phase.start + phase.stop) / 2
-        ax.annotate(name, (middle, 1), (0, 15), ("data", "axes fraction"), "offset points", ha="center", fontsize=7)
+        place = (phase.start + phase.stop) / 2, 1
+        ax.annotate(name, place, (0, above), ("data", "axes fraction"), "offset points", ha="center", fontsize=SMALL)
 
 
 def _legend_text(results: artifact.Artifact) -> str:
@@ -191,33 +232,31 @@ def _legend_text(results: artifact.Artifact) -> str:
     return many if width == 1 else f"{many}; moving average over {width} steps"
 
 
-def _legend(figure: Figure | SubFigure) -> None:
+def _legend(ax: Axes, attached: str) -> None:
+    """At the foot of a page, what its lines and shades mean."""
     handles = [
-        Line2D([], [], color="#333333", ls=DASHES["attached"], label="attached limb (A, B: all joints)"),
-        Line2D([], [], color="#333333", ls=DASHES["others"], label="other limbs"),
-        Patch(color=SHADES["attached"], label="rope attached"),
+        Line2D([], [], color=INK, ls=DASHES["attached"], label=attached),
+        Line2D([], [], color=INK, ls=DASHES["others"], label="other limbs"),
+        Patch(color=GROUND, label="rope attached"),
     ]
-    if isinstance(figure, Figure):
-        handles[0].set_label("attached limb")
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    ax.legend(handles=handles, loc="lower center", ncols=len(handles))
 
 
 def _encoder(held: artifact.Artifact) -> Figure:
     """Both losses over the training, and what the held-out frames gave."""
-    figure = Figure(figsize=(8, 3), layout="constrained")
-    figure.suptitle("Visual encoder: loss of each training batch, and of held-out frames", fontsize=10)
-    for ax, (name, title) in zip(
-        figure.subplots(1, 2), (("reconstruction", "Reconstruction"), ("cltt", "CLTT")), strict=True
-    ):
+    figure, page_ax = page(62.0)
+    note(page_ax, (WIDTH / 2, 59), "Visual encoder: loss of each training batch, and of held-out frames")
+    for x, name, title in ((16, "reconstruction", "Reconstruction"), (106, "cltt", "CLTT")):
+        heading(page_ax, (x, 55), "", title)
+        ax = inset(figure, (x, 11), 68, 38)
         curve = held.datasets[f"curves/{name}"]
-        ax.plot(np.arange(1, len(curve.values) + 1), curve.values, color="#0072B2", label="training")
+        ax.plot(np.arange(1, len(curve.values) + 1), curve.values, color=INK, label="training")
         if f"measures/{name}" in held.datasets:
-            ax.axhline(float(held[f"measures/{name}"]), color="#D55E00", ls="--", label="held out, at the end")
+            value = float(held[f"measures/{name}"])
+            ax.axhline(value, color=OTHER_COLOUR, ls="--", label="held out, at the end")
         if name == "reconstruction":
             ax.set_yscale("log")
-        ax.set_title(title, loc="left", fontweight="bold")
-        ax.set_xlabel("iteration")
-        ax.set_ylabel(f"loss ({curve.units})")
+        ax.set(xlabel="iteration", ylabel=f"loss ({curve.units})")
         ax.legend()
     return figure
 
@@ -232,16 +271,15 @@ def _reconstructions(p: params.Params, held: artifact.Artifact, frames: np.ndarr
         "reconstruction": extract.reconstruct(chosen),
         "from h alone": _from_latent(extract.net, chosen),
     }
-    figure = Figure(figsize=(8, 6.3), layout="constrained")
-    grid = figure.subplots(len(pictures), len(chosen), squeeze=False)
-    for row, (name, images) in zip(grid, pictures.items(), strict=True):
-        for ax, image in zip(row, images, strict=True):
-            ax.imshow(image, interpolation="none")  # kept as its own pixels in the SVG
-            ax.set(xticks=[], yticks=[])
-            ax.spines[:].set_visible(False)
-        row[0].set_ylabel(name)
-    for ax, (condition, attached) in zip(grid[0], collect.REGIMES, strict=True):
-        ax.set_title(f"{condition}, rope {'on' if attached else 'off'}")
+    side, height = 42.0, 136.0
+    figure, ax = page(height)
+    for row, (name, images) in enumerate(pictures.items()):
+        low = height - 6 - (row + 1) * (side + 1)
+        note(ax, (3, low + side / 2), name, rotation=90)
+        for column, image in enumerate(images):
+            picture(inset(figure, (7 + column * (side + 1), low), side, side), image)
+    for column, (condition, attached) in enumerate(collect.REGIMES):
+        note(ax, (7 + column * (side + 1) + side / 2, height - 3), f"{condition}, rope {'on' if attached else 'off'}")
     return figure
 
 

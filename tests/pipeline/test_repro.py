@@ -38,6 +38,8 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
         "metrics.json",
         "effects.json",
         "explore.json",
+        "figures/fig1.svg",
+        "figures/fig2.pdf",
         "figures/fig3.png",
         "figures/fig3.svg",
         "figures/fig4.png",

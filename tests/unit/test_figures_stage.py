@@ -17,15 +17,16 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_figures_are_the_same_bytes_in_another_process_whatever_the_users_matplotlibrc(copied: Path):
     drawn = {path.name: path.read_bytes() for path in (copied / paths.FIGURES).iterdir()}
-    names = {name.rpartition(".")[0] for name in drawn if name != origin.NAME}
-    assert names <= set(captions.CAPTIONS)
-    assert {f"{name}.{kind}" for name in names for kind in ("svg", "png")} <= set(drawn)
+    kinds = figures.METADATA
+    assert set(drawn) == {origin.NAME, *(f"{name}.{kind}" for name in captions.CAPTIONS for kind in kinds)}
     rc = copied / "matplotlibrc"
     rc.write_text("lines.linewidth: 7\nsvg.fonttype: none\naxes.facecolor: red\n")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo", "LC_ALL": "C"}
     subprocess.run([sys.executable, "-m", "stages.figures"], cwd=copied, env=environment, check=True)
     assert {path.name: path.read_bytes() for path in (copied / paths.FIGURES).iterdir()} == drawn
-    assert not any(b"dc:date" in data for data in drawn.values())
+    assert not any(b"dc:date" in data or b"/CreationDate" in data for data in drawn.values())
+    pdfs = [data for name, data in drawn.items() if name.endswith(".pdf")]
+    assert all(b"/FontFile2" in data and b"/Type3" not in data for data in pdfs)  # fonts embedded, as TrueType
 
 
 def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project: Path, tiny: params.Params):

@@ -5,7 +5,6 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -20,36 +19,8 @@ from matplotlib.ticker import MaxNLocator
 from mimo import analysis, artifact, collect, encoder, params
 from stages import console, paths, store
 from stages.results import phases_of
+from stages.style import COLOURS, DASHES, OTHER_COLOUR, SHADES, STYLE
 
-STYLE: Any = {
-    "svg.hashsalt": "mimo",  # the same element ids each time
-    "font.family": "DejaVu Sans",  # comes with matplotlib
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.labelsize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "lines.linewidth": 1.2,
-    "savefig.dpi": 150,
-    "figure.facecolor": "white",
-}
-COLOURS = {  # Okabe and Ito's, told apart by the colour-blind; one for each reward, everywhere
-    "mtl": "#0072B2",
-    "mtl_surprise": "#56B4E9",
-    "rtl": "#E69F00",
-    "rtl_surprise": "#D55E00",
-    "cais": "#009E73",
-    "cais_surprise": "#CC79A7",
-    "surprise": "#000000",
-}
-OTHER_COLOUR = "#666666"  # of rewards that are not the paper's
-SHADES = {"baseline": "#ffffff", "attached": "#eeeeee", "extinction": "#ffffff"}
-DASHES = {"attached": "-", "others": (0, (3, 1.5)), "all": "-"}
 PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the paper's figures 3 and 4
     ("A", "MTL, RTL and Surprise", "reward", ("all",), ("mtl", "rtl", "surprise")),
     ("B", "MTL and RTL combined with Surprise", "reward", ("all",), ("mtl_surprise", "rtl_surprise")),

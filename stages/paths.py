@@ -22,6 +22,7 @@ CLAIMS = Path("reports/claims.json")
 VARIANT_CLAIMS = Path("reports/variants.json")
 PLOTS = Path("reports/plots")
 FIGURES = Path("reports/figures")
+FILMS = Path("reports/film")
 REPORT = Path("reports/index.html")
 
 STORE = Path(".work")  # content-addressed, one folder a kind

@@ -2,7 +2,8 @@
 
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
 stages are forks of one process that has the libraries loaded, sweeps are without Ray, DVC reads YAML by another library
-and writes JSON (which is YAML), and figures are stand-ins with their data's hashes. PLAIN goes without any of that.
+and writes JSON (which is YAML), and figures and films are stand-ins with their data's hashes. PLAIN goes without any of
+that.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -76,6 +77,8 @@ def _patch() -> None:
     figures.drawn = lambda p, results, held, frames: [
         ("fig3", {"svg": f"<svg><!-- {results.content} {held.content} --></svg>".encode()})
     ]
+    film: Any = sys.modules["stages.film"]
+    film.filmed = lambda p, run, trained: (run.content.encode(), b"")
 
 
 def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:

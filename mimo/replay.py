@@ -62,7 +62,7 @@ def replay(
     for step in range(max(shown) + 1):
         moved, positive = (run[name][step : step + 1].astype(bool) for name in ("action", "positive"))
         control = worlds.control(worlds.torque(moved, positive))
-        # Update by update, the same numbers come out: the record holds both ways to it.
+        # One update at a time gives the same numbers; the run's record is what shows it.
         pieces = np.split(control, control.shape[1], axis=1) if step in shown else [control]
         lengths, track = [], []
         for piece in pieces:

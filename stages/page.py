@@ -55,6 +55,7 @@ class Page:
     def __init__(self, run: Artifact, phases: dict[str, slice], width: int) -> None:
         self._unit, self._phases, self._limb = width // ACROSS, phases, str(run.about["limb"])
         self._title = f"{str(run.about['condition']).capitalize()} mobile"
+        self._reward = f"reward: {analysis.label(str(run.about['reward']))}"
         self.colour = COLOURS.get(str(run.about["reward"]), OTHER_COLOUR)
         record = {name: dataset.values for name, dataset in run.datasets.items()}
         curves = analysis.curves(record, {limb: body.attached(limb) for limb in body.LIMB_JOINTS}, self._limb)
@@ -107,7 +108,8 @@ class Page:
         page = Image.new("RGB", (self._unit * ACROSS, self._unit * DOWN), PAPER)
         self._paste(page, self._plots(), PLOTS)
         draw = ImageDraw.Draw(page)
-        self._write(draw, (EYE[0] + EYE[2] / 2, 29.6), "what the right eye sees", SOFT, "mm")
+        for line, text in enumerate(("what the right eye sees", self._reward)):
+            self._write(draw, (EYE[0] + EYE[2] / 2, 29.2 + 2 * line), text, SOFT, "mm")
         for number, (heading, _, _) in enumerate(self._panels):
             self._write(draw, (self._axes(number)[0] - 2.5, 33.3), heading, INK)
         return page

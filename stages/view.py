@@ -47,10 +47,10 @@ class View:
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
 
     def picture(self, qpos: np.ndarray, attached: bool) -> np.ndarray:
-        """(height, width, 3) uint8: the world at generalised positions `qpos` (nq,), with the rope if attached."""
+        """(height, width, 3) uint8: the world at generalised positions `qpos` (nq,), with rope and ring if attached."""
         self._data.qpos[:] = qpos
         mujoco.mj_forward(self._model, self._data)
-        self._option.tendongroup[:] = attached
+        self._option.tendongroup[:] = self._option.sitegroup[:] = attached  # the rope, and the ring it runs through
         self._renderer.update_scene(self._data, self._camera, self._option)
         self._hang_wall(self._renderer.scene)
         picture: np.ndarray = self._renderer.render()

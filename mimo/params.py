@@ -201,6 +201,15 @@ class Sweep(Section):
         return _unless(faults, self)
 
 
+class Film(Section):
+    """What the films show of one run of each condition, and how."""
+
+    run: Annotated[str, Field(pattern=r"^[a-z_]+/seed-\d{3}$")]
+    steps: Steps
+    frame_updates: Updates
+    width: Annotated[int, Field(gt=0, le=1920, multiple_of=160)]  # all lengths are then even, as H.264 has it
+
+
 class Variant(Section):
     """The published params with some values changed, and the few cells that show what it does.
 
@@ -257,6 +266,7 @@ class Params(Section):
     effects: Effects
     rewards: Rewards
     sweep: Sweep
+    film: Film
     sweeps: Sweeps
 
     @model_validator(mode="after")
@@ -265,6 +275,9 @@ class Params(Section):
             raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
         if not 0 < round(self.collect.steps * (1 - self.collect.held_out)) < self.collect.steps:
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
+        reward, _, seed = self.film.run.partition("/seed-")
+        if reward not in self.sweep.rewards or int(seed) >= self.sweep.seeds:
+            raise ValueError("film.run must be one of the runs of sweep")
         return self
 
 

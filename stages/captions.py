@@ -1,11 +1,12 @@
 """The page's figures and films: what they show, in words, and what they were made by."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mimo import analysis
 from mimo.params import Params
 from stages import console, origin, paths
 from stages.numbers import number
@@ -135,9 +136,10 @@ class Shown:
 
 @dataclass(frozen=True)
 class Film:
-    """A film beside the page: its file, the picture before it plays, and stages.origin's account of it."""
+    """A film beside the page: whose run, its file, the picture before it plays, and stages.origin's account of it."""
 
     heading: str
+    run: str
     file: str
     poster: str
     origin: dict[str, Any]
@@ -185,18 +187,18 @@ def figures(metrics: Mapping[str, Any], folder: Path, p: Params) -> list[Shown]:
     return shown
 
 
-def films(folder: Path) -> list[Film]:
-    """Every film that was made, with its poster."""
-    made = {folder / name: heading for name, heading in FILMS.items() if (folder / f"{name}.mp4").is_file()}
-    return [
-        Film(
-            heading,
-            _beside(path.with_suffix(".mp4")),
-            _beside(path.with_suffix(".png")),
-            origin.read(path.with_suffix(".json")),
-        )
-        for path, heading in made.items()
-    ]
+def films(folder: Path, conditions: Collection[str]) -> list[Film]:
+    """The film of each condition that has one, with its poster; those of other conditions an earlier sweep left."""
+    named = {folder / name: heading for name, heading in FILMS.items() if name in conditions}
+    made = {path: heading for path, heading in named.items() if path.with_suffix(".mp4").is_file()}
+    return [_film(path, heading) for path, heading in made.items()]
+
+
+def _film(path: Path, heading: str) -> Film:
+    told = origin.read(path.with_suffix(".json"))
+    reward, _, seed = told["params"]["film"]["run"].partition("/seed-")
+    run = f"{analysis.label(reward)}, seed {int(seed)}"
+    return Film(heading, run, _beside(path.with_suffix(".mp4")), _beside(path.with_suffix(".png")), told)
 
 
 def _beside(path: Path) -> str:

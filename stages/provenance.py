@@ -67,6 +67,20 @@ def cpu_class() -> str:
     )
 
 
+def foreign() -> str:
+    """How this machine's class differs from the published results', in words; empty if not, or if none is known."""
+    if not paths.PUBLISHED_ON.exists():
+        return ""
+    here = machine()
+    machines = json.loads(paths.PUBLISHED_ON.read_text())["machines"]
+    if any(all(other[key] == here[key] for key in ("class", "versions")) for other in machines):
+        return ""
+    return (
+        f"This machine ({here['class']}; {here['versions']}) is of another class than the published results' "
+        f"({'; '.join(str((other['class'], other['versions'])) for other in machines)})"
+    )
+
+
 @functools.cache
 def _cpuinfo() -> dict[str, str]:
     """The first processor's entries in /proc/cpuinfo; empty where there is none."""

@@ -62,7 +62,7 @@ def gathered(p: params.Params) -> Made:
     Raises:
         console.StageError: something is missing or damaged.
     """
-    metrics, films = _read(paths.METRICS), captions.films(paths.FILMS)
+    metrics, films = _read(paths.METRICS), captions.films(paths.FILMS, p.sweep.conditions)
     return Made(
         metrics,
         _read(paths.CLAIMS),

@@ -5,19 +5,17 @@ length. Says OK, or which artifact and which dataset differs first, and by how m
 """
 
 import argparse
-import json
 import random
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mimo import artifact, body, encoder, identity, params
-from stages import catalogue, console, crew, curves, paths, provenance, store, sweep, trial
+from stages import catalogue, console, crew, curves, difference, paths, provenance, store, sweep, trial
 from stages import encoder as training
 from stages.schedule import Chunk, Run
 
@@ -26,23 +24,6 @@ from stages.schedule import Chunk, Run
 MEANS = 0.05  # a run's P(MOVE), its mean over each phase, of the attached limb and of the others
 TOLERANCE = 1e-3  # any other artifact's numbers, in units of their dataset's range
 WITHIN = "within the tolerance"
-
-
-@dataclass(frozen=True)
-class Difference:
-    """Where two artifacts differ first: in `dataset`, at `step` counted from 0 (None where it has no steps).
-
-    `size` is the largest difference there, `relative` the same over the dataset's range.
-    """
-
-    dataset: str
-    step: int | None
-    size: float
-    relative: float
-
-    def __str__(self) -> str:
-        where = "" if self.step is None else f" at step {self.step + 1}"
-        return f"{self.dataset} differs first{where}, by {self.size:.3g} ({self.relative:.1e} of its range)"
 
 
 def main() -> None:
@@ -79,17 +60,17 @@ def compared(path: Path, found: artifact.Artifact, content: str, same_class: boo
         return ""
     if not path.exists() or (held := artifact.read(path, found.schema)).content != content:
         return "not the published one, which is not here to compare with (`dvc pull` and `dvc checkout` get it)"
-    differences = list(compare(held, found))
+    differences = list(difference.compare(held.datasets, found.datasets))
     if not differences:
         return "not the published one in what it says of itself, though in every number"
-    first = min(differences, key=lambda d: (d.step or 0, -d.relative))
+    first = difference.first(differences)
     if same_class:
         return f"not the published one: {first}"
     if held.schema == store.RUN:
         apart = float(np.abs(_means(held) - _means(found)).max())
         inside, measure = apart <= MEANS, f"{MEANS:g} of mean P(MOVE): {apart:.3f} apart"
     else:
-        worst = max(difference.relative for difference in differences)
+        worst = max(each.relative for each in differences)
         inside, measure = worst <= TOLERANCE, f"{TOLERANCE:g} of a dataset's range: at most {worst:.1e} apart"
     return f"{WITHIN} {measure}; {first}" if inside else f"not the published one, nor {WITHIN} {measure}; {first}"
 
@@ -100,26 +81,6 @@ def _means(run: artifact.Artifact) -> np.ndarray:
     attached = body.attached(str(run.about["limb"]))
     moving = run["move_probability"]
     return np.array([[moving[s][:, own].mean() for own in (attached, ~attached)] for s in curves.phases(p).values()])
-
-
-def compare(held: artifact.Artifact, found: artifact.Artifact) -> Iterator[Difference]:
-    """Where each dataset that differs does so first; where it has no steps, over all of it."""
-    for name in sorted(held.datasets.keys() | found.datasets.keys()):
-        if name not in held.datasets or name not in found.datasets:
-            yield Difference(f"{name}, which only one of them has,", None, np.inf, np.inf)
-            continue
-        old, new = held.datasets[name], found.datasets[name]
-        if old.values.shape != new.values.shape or old.values.dtype.kind == "S":
-            if not np.array_equal(old.values, new.values):
-                yield Difference(f"{name}, in shape or text,", None, np.inf, np.inf)
-            continue
-        stepped = old.axes.startswith("step")
-        away = np.abs(old.values.astype(float) - new.values.astype(float))
-        if away.any():
-            span = float(np.ptp(old.values.astype(float))) or float(np.abs(old.values).max()) or 1.0
-            step = int(np.nonzero(away.reshape(len(away), -1).any(axis=1))[0][0]) if stepped else None
-            size = float(away.max() if step is None else away[step].max())
-            yield Difference(name, step, size, size / span)
 
 
 def _options() -> argparse.Namespace:
@@ -145,17 +106,13 @@ def _same_class() -> bool:
     """Whether the same bytes are to be expected here; says why not."""
     if not paths.PUBLISHED_ON.exists():
         print(f"{paths.PUBLISHED_ON} is missing: taken for a machine of the same class.")
-        return True
-    here = provenance.machine()
-    machines = json.loads(paths.PUBLISHED_ON.read_text())["machines"]
-    if any(all(other[key] == here[key] for key in ("class", "versions")) for other in machines):
-        return True
-    print(
-        f"This machine ({here['class']}; {here['versions']}) is of another class than the published results' "
-        f"({'; '.join(str((other['class'], other['versions'])) for other in machines)}): "
-        f"runs need agree to {MEANS:g} of mean P(MOVE) only, other artifacts to {TOLERANCE:g} of a dataset's range."
-    )
-    return False
+    foreign = provenance.foreign()
+    if foreign:
+        print(
+            f"{foreign}: runs need agree to {MEANS:g} of mean P(MOVE) only, other artifacts to {TOLERANCE:g} of a "
+            "dataset's range."
+        )
+    return not foreign
 
 
 def _trial() -> bytes:

@@ -2,8 +2,8 @@
 
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
 stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC reads
-YAML by another library and writes JSON (which is YAML), and figures are stand-ins with their data's hashes. PLAIN goes
-without any of that.
+YAML by another library and writes JSON (which is YAML), and figures and films are stand-ins with their data's hashes.
+PLAIN goes without any of that.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -79,6 +79,8 @@ def _patch() -> None:
     figures.drawn = lambda p, results, held, frames: [
         ("fig3", {"svg": f"<svg><!-- {results.content} {held.content} --></svg>".encode()})
     ]
+    film: Any = sys.modules["stages.film"]
+    film.filmed = lambda p, run, trained: (run.content.encode(), b"")
 
 
 def _share_the_scene() -> None:

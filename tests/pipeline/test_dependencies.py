@@ -124,7 +124,8 @@ def run(name: str) -> None:
     """A stage in this process, without Ray; all cells, where it is for one."""
     module, *given = STAGES[name]["cmd"].split()[2:]
     main = importlib.import_module(module).main
-    cells = sorted(Path(given[0]).parent.glob("*.json")) if given else []
+    conditions = params.Conditions.model_fields if name == "film" else ()
+    cells = conditions or (sorted(Path(given[0]).parent.glob("*.json")) if given else [])
     for arguments in [[str(cell)] for cell in cells] or [["--serial"] if name in SWEEPS else []]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "argv", [module, *arguments])
@@ -147,6 +148,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
         project,
         ("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}),
         ("sweep.rewards", ["mtl", "cais_surprise"]),
+        ("film.run", "cais_surprise/seed-000"),
         (
             "sweeps.variants",
             {"same": {"asks": "?", "set": same, "cells": {"free": ["cais_surprise"], "noisy": ["mtl"]}}},

@@ -12,6 +12,7 @@ from tests.pipeline.conftest import CELLS, GAIN, VARIANTS
 from tests.pipeline.project import digests, edit, python, ran, repro, stored
 
 ENDS = {"analyse", "catalogue", "claims", "explore", "figures", "report"}
+FILMS = {"film@free", "film@noisy"}
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -20,7 +21,7 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
     project, output = published
     assert ran(output) == {
         "collect", "encoder", "trial", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
-        "vary", *(f"variants@{name}" for name in VARIANTS), "compare",
+        "vary", *(f"variants@{name}" for name in VARIANTS), "compare", *FILMS,
     }  # fmt: skip
     assert output.endswith("13 artifacts, 13 of them recomputed; git knows no published ones to compare with.\n")
     for condition in ("free", "noisy"):
@@ -43,6 +44,8 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
         "figures/fig3.png",
         "figures/fig3.svg",
         "figures/fig4.png",
+        "film/noisy.mp4",
+        "film/noisy.png",
     ):
         assert (project / "reports" / name).stat().st_size > 1000, name
 

@@ -49,13 +49,15 @@ TRIAL = "encoder: {iterations: 1}\n"  # in place of params.preview.yaml, which t
 # Stages in the order of dvc.yaml, those of a matrix by patterns.
 STAGES = [
     "collect", "encoder", "trial", "calibrate", "effects", "train", "runs@*", "analyse", "explore", "vary",
-    "variants@*", "compare", "claims", "catalogue", "figures", "report",
+    "variants@*", "compare", "claims", "catalogue", "figures", "film@*", "report",
 ]  # fmt: skip
 ALL = frozenset(STAGES)
 ENDS = frozenset({"claims", "catalogue", "report"})
-OF_RUNS = ENDS | {"train", "runs@*", "analyse", "explore", "figures"}
+OF_RUNS = ENDS | {"train", "runs@*", "analyse", "explore", "figures", "film@*"}
 OF_VARIANTS = ENDS | {"vary", "variants@*", "compare"}
-OF_CAIS = ENDS | {"train", "runs@*-cais", "analyse", "explore", "figures", "vary", "variants@eager", "compare"}
+OF_CAIS = ENDS | {
+    "train", "runs@*-cais", "analyse", "explore", "figures", "film@*", "vary", "variants@eager", "compare",
+}  # fmt: skip
 # What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
 SCALES = frozenset({"scales", "variants' scales"})
 BEFORE = SCALES | {"frames", "encoder", "trial", "effects"}
@@ -88,10 +90,11 @@ EDITS = (
     Edit("calibrate.steps", 5, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
     Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
-    Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*"}),
-    Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
-    Edit("sweep.seeds", 2, OF_RUNS, NONE, {"*, seed 1"}),
+    Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"}),
+    Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*", "film@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
+    Edit("sweep.seeds", 2, OF_RUNS - {"film@*"}, NONE, {"*, seed 1"}),
     Edit("sweep.chunk", 2, {"report"}),  # has all of params.yaml
+    Edit("film.steps", 2, {"film@*", "report"}),
     Edit("sweeps.seeds", 2, OF_VARIANTS, NONE, {f"{EAGER}, seed 1", f"{HEAVY}, seed 1"}),
     Edit(
         "sweeps.variants.eager.set",
@@ -188,8 +191,9 @@ makes each edit and holds its row to what then happens; `{write}` writes this fi
 |---|---|---|---|
 {rows}
 
-`runs@*` stands for all cells of the sweep, `runs@*-cais` for those with CAIS; likewise `*` and `*-cais` for runs. Every
-edit runs `report`, which prints all of params.yaml. A value set back comes from DVC's cache, and nothing is computed.
+`runs@*` stands for all cells of the sweep, `runs@*-cais` for those with CAIS; likewise `*` and `*-cais` for runs.
+`film@*` stands for both conditions; the films are of CAIS, seed 0. Every edit runs `report`, which prints all of
+params.yaml. A value set back comes from DVC's cache, and nothing is computed.
 """
 
 
@@ -231,7 +235,7 @@ def _found(top: Path, name: str) -> Found:
     new = _kept(project) - (_kept(top / quick.BASE) if name != quick.BASE else set())
     p = yaml.safe_load((project / "params.yaml").read_text())
     cells = [f"{c}-{r}" for c, r in itertools.product(p["sweep"]["conditions"], p["sweep"]["rewards"])]
-    groups = {"runs@": cells, "variants@": list(p["sweeps"]["variants"])}
+    groups = {"runs@": cells, "variants@": list(p["sweeps"]["variants"]), "film@": p["sweep"]["conditions"]}
     stages = ran("\n".join(said))
     for group, members in groups.items():
         own = {stage for stage in stages if stage.startswith(group)}

@@ -185,6 +185,7 @@ def test_a_sweep_of_unknown_or_repeated_entries_is_refused(keys, wrong, words, t
     [
         ({("protocol", "torque_updates"): 121}, "torque_updates must not exceed updates_per_step"),
         ({("collect", "pair_updates"): 120}, "pair_updates must be less than protocol.updates_per_step"),
+        ({("film", "run"): "cais/seed-010"}, "film.run must be one of the runs of sweep"),
     ],
 )
 def test_values_that_do_not_fit_each_other_are_refused(changes, words, tmp_path):

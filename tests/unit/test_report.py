@@ -127,8 +127,10 @@ def test_a_film_is_shown_with_its_poster_and_origin(copied: Path):
     for name in ("free.mp4", "free.png"):
         (paths.FILMS / name).touch()
     origin = {"stage": "film@free", "command": "dvc repro film@free", "digest": "d" * 64}
-    (paths.FILMS / "free.json").write_text(json.dumps(origin | {"code": {}, "params": {}, "data": {"a.h5": "c" * 64}}))
+    told = {"code": {}, "params": {"film": {"run": "cais_surprise/seed-003"}}, "data": {"a.h5": "c" * 64}}
+    (paths.FILMS / "free.json").write_text(json.dumps(origin | told))
     found = Page(page(report.gathered(params.load())))
+    assert "Free mobile: CAIS + Surprise, seed 3" in found.text
     film = {name: value for tag, name, value in found.attributes if tag == "video"}
     assert (film["src"], film["poster"], film["preload"]) == ("film/free.mp4", "film/free.png", "none")
     assert f"Made by dvc repro film@free Data, content hash a.h5 {'c' * 64}" in " ".join(found.text.split())

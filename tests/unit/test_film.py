@@ -21,7 +21,7 @@ from mimo.eye import Eye
 from mimo.params import Params
 from mimo.replay import Replay, replay
 from mimo.scene import Scene
-from stages import console, film, page, paths, store, video
+from stages import console, film, paths, sheet, store, video
 from stages.sheet import Sheet
 from stages.view import View
 
@@ -139,7 +139,7 @@ def test_the_film_plays_in_browsers_and_shows_what_the_eye_saw(
     assert played(made) == {"codec": "h264", "pixels": "yuv420p", "size": (160, 90), "rate": 5, "pictures": 12}
     poster = Image.open(io.BytesIO(drawn))
     assert poster.size == (160, 90)
-    left, top, width, height = Sheet(run, phases(settings), 160).pixels(page.EYE)
+    left, top, width, height = Sheet(run, phases(settings), 160).pixels(sheet.EYE)
     seen = Image.fromarray(eye.frames(found.positions[LATE][79:80])[0]).resize(
         (width, height), Image.Resampling.NEAREST
     )

@@ -22,6 +22,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,7 @@ class Silent(console.Progress):
 def least_time(runs: list[Run], workers: int, lengths: Mapping[str, Any], size: int) -> float:
     """Seconds that any schedule needs at least."""
 
+    @cache
     def shares(together: int) -> list[float]:
         """Of each run, the longest first, where so many train in lock step."""
         return sorted((seconds_of(lengths, run.reward, together) / together for run in runs), reverse=True)

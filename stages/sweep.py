@@ -89,8 +89,8 @@ def wanted(job: Job) -> list[Run]:
 def runs_of(job: Job, encoder_hash: str, variant: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
     """The runs of one cell, with the digests that the code on this machine gives them."""
     grid = job.grids[variant]
-    made_from = (experiment.inputs(grid.params, condition, reward, seed, encoder_hash, grid.scales) for seed in seeds)
-    return [Run(condition, reward, read["seed"], identity.Digest(read), variant) for read in made_from]
+    read = experiment.inputs(grid.params, condition, reward, 0, encoder_hash, grid.scales)
+    return [Run(condition, reward, seed, identity.Digest({**read, "seed": seed}), variant) for seed in seeds]
 
 
 def missing(listed: list[Run]) -> list[Run]:

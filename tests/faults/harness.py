@@ -89,6 +89,13 @@ class Repro:
         assert len(found) < 8
         return found
 
+    def until_some(self) -> dict[str, tuple[int, int]]:
+        """Likewise, where it has no workers: until some runs are finished, but not all."""
+        self.until(lambda: finished(self.project))
+        found = finished(self.project)
+        assert len(found) < 8
+        return found
+
     def end(self, but: Collection[str] = ()) -> int:
         """Wait until it and all below it have ended, but for processes of those names; returns its exit code."""
         code = self._process.wait(PATIENCE)

@@ -83,7 +83,7 @@ def test_a_driver_killed_as_it_writes_then_dvc_whose_orphan_the_next_waits_for(p
     driver = first.driver()
     driver.suspend()  # so that it surely outlives the start of the next
     first.strike(signal.SIGKILL)
-    second = pipeline.start()
+    second = pipeline.start(workers=False)
     second.until(lambda: f"Waiting for process {driver.pid} (-m stages.train --workers 2)" in second.said)
     driver.resume()
     kept = pipeline.stopped(first, STOPPED, kept)
@@ -104,13 +104,13 @@ def test_interrupted_then_terminated(pipeline: Pipeline) -> None:
     pipeline.goes_on(kept)
 
 
-# The disk.
+# The disk: the driver alone writes to it, with workers or without.
 
 
 def test_a_store_that_becomes_read_only(pipeline: Pipeline, mount: Mount) -> None:
     remount = mount(pipeline.runs, "1m")
-    repro = pipeline.start()
-    kept = repro.until_midway()
+    repro = pipeline.start(workers=False)
+    kept = repro.until_some()
     remount("ro")
     kept = pipeline.stopped(repro, r"h5 could not be written \(Read-only file system\); free space or mend", kept)
     remount("rw")
@@ -130,8 +130,8 @@ def test_a_full_disk(pipeline: Pipeline, tmp_path: Path, mount: Mount) -> None:
     project = Path(shutil.copytree(pipeline.project, tmp_path / "disk/project"))
     small = Pipeline(project, pipeline.undisturbed)
     pipeline.started = small.started
-    repro = small.start()
-    kept = repro.until_midway()
+    repro = small.start(workers=False)
+    kept = repro.until_some()
     harness.fill(tmp_path / "disk/filler")
     kept = small.stopped(repro, "No space left on device", kept)
     (tmp_path / "disk/filler").unlink()

@@ -53,7 +53,7 @@ def _publish(top: Path) -> str:
     (project / ".dvc/.gitignore").write_text("/config.local\n/tmp\n/cache\n")
     (project / ".gitignore").write_text((project / ".gitignore").read_text() + preview.MARK + "\n")
     done(project, "git", "init", "-q", ".")
-    said = done(project, sys.executable, "-m", "stages.paper", plain=True)
+    said = done(project, sys.executable, "-m", "stages.paper")
     done(project, "git", "add", "-A")
     done(project, "git", "commit", "-qm", "Published")
     done(project, sys.executable, "-m", "stages.share", "push")

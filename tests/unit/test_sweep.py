@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact
+from mimo import artifact, experiment, identity
 from mimo.encoder import SCHEMA, Trained
 from mimo.params import Params
 from stages import console, crew, paths, store, sweep
@@ -40,6 +40,16 @@ def job(tiny: Params, encoder_file: bytes, scales: dict[str, float]) -> Job:
 
 def changed(p: Params, section: str, **values: object) -> Params:
     return p.model_copy(update={section: getattr(p, section).model_copy(update=values)})
+
+
+def test_a_runs_digest_is_that_of_its_own_inputs(job: Job, tiny: Params, scales: dict[str, float]) -> None:
+    made = sweep.runs_of(job, "e" * 64, "", "free", "cais", (3, 0, 11))
+    assert [run.seed for run in made] == [3, 0, 11]
+    for run in made:
+        inputs = experiment.inputs(tiny, "free", "cais", run.seed, "e" * 64, scales)
+        assert run.digest == identity.Digest(inputs)
+        assert isinstance(run.digest, identity.Digest)
+        assert run.digest.inputs == inputs
 
 
 def with_variants(job: Job) -> Job:

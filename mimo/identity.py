@@ -106,7 +106,10 @@ def versions() -> dict[str, str]:
     Raises:
         importlib.metadata.PackageNotFoundError: one is not.
     """
-    return {name: importlib.metadata.version(distribution) for name, distribution in LIBRARIES.items()}
+    return {name: _version(distribution) for name, distribution in LIBRARIES.items()}
+
+
+_version = functools.cache(importlib.metadata.version)  # a sweep asks once a cell, and reading takes milliseconds
 
 
 def _plain(obj: object) -> object:

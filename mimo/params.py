@@ -277,7 +277,7 @@ class Params(Section):
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
         reward, _, seed = self.film.run.partition("/seed-")
         if reward not in self.sweep.rewards or int(seed) >= self.sweep.seeds:
-            raise ValueError("film.run must be one of the runs of sweep")
+            raise ValueError(f"film.run must be one of the runs of sweep; it is {self.film.run}")
         return self
 
 

@@ -65,19 +65,18 @@ PAPER = {"fig3": ("free", "Free mobile"), "fig4": ("noisy", "Noisy mobile")}
 
 def main() -> None:
     """Draw every figure."""
-    p = params.load()
     results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, encoder.SCHEMA)
     frames = artifact.read(paths.FRAMES, store.FRAME)["frames"]
-    for name, figure in drawn(p, results, held, frames):
-        for kind, data in figure.items():
+    for name, draw in plan(params.load(), results, held, frames).items():
+        for kind, data in files(draw).items():
             artifact.publish(data, paths.FIGURES / f"{name}.{kind}")
     origin.write("figures", paths.FIGURES / origin.NAME, (paths.RESULTS, paths.ENCODER, paths.FRAMES))
 
 
-def drawn(
+def plan(
     p: params.Params, results: artifact.Artifact, held: artifact.Artifact, frames: np.ndarray
-) -> list[tuple[str, dict[str, bytes]]]:
-    """Every figure's name and its files' bytes by kind, as in METADATA; a condition without runs has no figure.
+) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure, by its name; a condition without runs has none.
 
     Args:
         p: all of params.yaml.
@@ -86,38 +85,38 @@ def drawn(
         frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.collect gives them.
     """
     built, roped = scene.build(p.world, p.protocol), collect.REGIMES.index(("free", True))
-    todo: list[tuple[str, Callable[[], Figure]]] = [
-        ("fig1", lambda: schematics.setting(p, built, frames[roped, 0, 0, 0])),
-        ("fig2", lambda: taxonomy.rewards(p, example.take(p, held, frames, built))),
-    ]
-    todo += [
-        (name, partial(_paper_figure, results, condition, title))
-        for name, (condition, title) in PAPER.items()
-        if condition in _conditions(results)
-    ]
-    todo += [
-        ("fig5", lambda: schematics.network(p)),
-        ("p_move", partial(_multiples, results, "move_probability")),
-        ("encoder", partial(_encoder, held)),
-        ("reconstructions", partial(_reconstructions, p, held, frames)),
-    ]
+    own: dict[str, Callable[[], Figure]] = {
+        "fig1": lambda: schematics.setting(p, built, frames[roped, 0, 0, 0]),
+        "fig2": lambda: taxonomy.rewards(p, example.take(p, held, frames, built)),
+        "fig5": lambda: schematics.network(p),
+        "p_move": partial(_multiples, results, "move_probability"),
+        "encoder": partial(_encoder, held),
+        "reconstructions": partial(_reconstructions, p, held, frames),
+    }
     if any("/influence/" in name for name in results.datasets):
-        todo.append(("influence", partial(_multiples, results, "influence")))
+        own["influence"] = partial(_multiples, results, "influence")
+    conditions = _conditions(results)
+    return own | {
+        name: partial(_paper_figure, results, condition, title)
+        for name, (condition, title) in PAPER.items()
+        if condition in conditions
+    }
+
+
+def files(draw: Callable[[], Figure]) -> dict[str, bytes]:
+    """A figure's files by kind, as in METADATA, whatever the user's own matplotlibrc says."""
+    found = {}
     with mpl.rc_context():
-        mpl.rcdefaults()  # whatever the user's own matplotlibrc says
+        mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
-        return [(name, _files(draw())) for name, draw in todo]
-
-
-def _files(figure: Figure) -> dict[str, bytes]:
-    files = {}
-    for kind, metadata in METADATA.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format=kind, metadata=metadata)
-        files[kind] = buffer.getvalue()
+        figure = draw()
+        for kind, metadata in METADATA.items():
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format=kind, metadata=metadata)
+            found[kind] = buffer.getvalue()
     # A hundredth of a point is finer than any screen, and a file smaller by a quarter.
-    files["svg"] = re.sub(rb' d="[^"]+"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path[0]), files["svg"])
-    return files
+    found["svg"] = re.sub(rb' d="[^"]+"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path[0]), found["svg"])
+    return found
 
 
 def _conditions(results: artifact.Artifact) -> list[str]:

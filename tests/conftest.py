@@ -40,9 +40,10 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(stack.close)
 
 
-LONGEST = (  # minutes each: they begin first, so that none is left alone at the end
+LONGEST = (  # these begin first, so that none is left alone at the end
     "test_sections.py", "test_interruptions.py", "test_sharing.py", "test_published.py", "test_cluster.py",
-    "test_guide.py", "test_same_bytes.py",
+    "test_guide.py", "test_same_bytes.py", "test_repro.py", "test_experiment.py", "test_figures_stage.py",
+    "test_bad_input.py", "test_dependencies.py", "test_effects.py", "test_encoder.py", "test_params.py",
 )  # fmt: skip
 
 

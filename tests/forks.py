@@ -2,7 +2,8 @@
 
 A tiny stage takes seconds to import torch, and `dvc` takes two to import DVC. A fork imports the project's own code
 from the folder it is started in, as ever, and has its own environment, streams and exit code: only libraries are
-shared. `shell()` stands in for SHELL, by which DVC runs a stage.
+shared, and `hasten` has made DVC quicker. `program("shell")` stands in for SHELL, by which DVC runs a stage,
+`program("python")` for Python.
 """
 
 import atexit
@@ -11,7 +12,6 @@ import importlib
 import json
 import os
 import runpy
-import shlex
 import signal
 import socket
 import subprocess
@@ -21,17 +21,18 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 ROOT = Path(__file__).parents[1]
-FOLDER = "TESTS_FORKS"  # environment variable: where socket and shell lie
-SHELL = """\
+FOLDER = "TESTS_FORKS"  # environment variable: where socket and programs lie
+PROGRAM = """\
 #!{python} -SE
 import sys
 sys.path.insert(0, {root!r})
 from tests import forks
-sys.exit(forks.ask({socket!r}, sys.argv[2]))
+sys.exit(forks.ask({socket!r}, {words}))
 """
+WORDS = {"shell": "__import__('shlex').split(sys.argv[2])[1:]", "python": "sys.argv[1:]"}  # what each program is given
 REQUEST = 2**17  # bytes at most
 LIBRARIES = (  # but not Ray, which reads its environment as it is loaded
     "dvc.cli", "dvc.commands.repro", "dvc.repo.reproduce", "h5py", "matplotlib.figure", "mujoco.batch", "pandas",
@@ -39,17 +40,19 @@ LIBRARIES = (  # but not Ray, which reads its environment as it is loaded
 )  # fmt: skip
 
 
-def shell() -> str:
-    """A program that takes `-c "python -m MODULE ..."`."""
-    return str(Path(os.environ[FOLDER]) / "shell")
+def program(name: str) -> str:
+    """`shell`, which takes `-c "python -m MODULE ..."`, or `python`, which takes what Python takes."""
+    return str(Path(os.environ[FOLDER]) / name)
 
 
 @contextmanager
 def served(folder: Path) -> Iterator[None]:
     """Commands can be given, by this process and all below it."""
     path = folder / "socket"
-    (folder / "shell").write_text(SHELL.format(python=sys.executable, root=str(ROOT), socket=str(path)))
-    (folder / "shell").chmod(0o755)
+    for name, words in WORDS.items():
+        text = PROGRAM.format(python=sys.executable, root=str(ROOT), socket=str(path), words=words)
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(str(path))
         listener.listen(64)
@@ -65,11 +68,11 @@ def served(folder: Path) -> Iterator[None]:
         server.wait()
 
 
-def ask(path: str, command: str) -> int:
-    """Have a command run in this folder, with this environment and these streams; returns its exit code."""
-    python, flag, *words = shlex.split(command)
-    assert (python, flag) == ("python", "-m"), command
-    request = json.dumps({"words": words, "folder": str(Path.cwd()), "environment": dict(os.environ)}).encode()
+def ask(path: str, arguments: list[str]) -> int:
+    """Have a module run in this folder, with this environment and these streams; returns its exit code."""
+    if arguments[0] != "-m":
+        os.execv(sys.executable, [sys.executable, *arguments])
+    request = json.dumps({"words": arguments[1:], "folder": str(Path.cwd()), "environment": dict(os.environ)}).encode()
     assert len(request) < REQUEST
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
         server.connect(path)
@@ -102,6 +105,7 @@ def _serve(listener: socket.socket) -> None:
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
+    sys.executable = program("python")
     sys.path[0] = request["folder"]
     sys.argv = ["", *request["words"][1:]]
     ended: object = 1
@@ -132,8 +136,25 @@ def _load() -> bool:
         importlib.import_module(name)
     torch = sys.modules["torch"]
     torch.optim.AdamW([torch.zeros(1)])
+    hasten()
     gc.freeze()  # collecting garbage would copy it into every fork
     return True
+
+
+def hasten() -> None:
+    """Have DVC read YAML by another library, and write JSON, which is YAML.
+
+    For each stage DVC reads dvc.lock twice and writes all of it, by a library that keeps comments.
+    """
+    import ruamel.yaml
+    import yaml
+
+    def load(self: object, text: str) -> object:
+        return json.loads(text) if text.startswith("{") else yaml.load(text, yaml.CSafeLoader)
+
+    library: Any = ruamel.yaml.YAML
+    library.load = load
+    library.dump = lambda self, data, stream: stream.write(json.dumps(data))
 
 
 if __name__ == "__main__":

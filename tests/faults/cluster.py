@@ -54,6 +54,19 @@ class Host:
                     found.append(process)
         return found
 
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """What it computes just now stands still for as long as the block."""
+        processes = self.computing()
+        for process in processes:
+            process.suspend()
+        try:
+            yield
+        finally:
+            for process in processes:
+                with suppress(psutil.Error):
+                    process.resume()
+
     def fail(self) -> None:
         """All of it is gone at once."""
         for process in self._processes():

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 TINY = {
     "sweep.conditions": ["free"],
     "sweep.rewards": ["mtl", "cais"],
-    "sweep.seeds": 4,
+    "sweep.seeds": harness.RUNS // 2,
     "sweep.chunk": 1,
     "protocol.baseline_steps": 6,
     "protocol.attached_steps": 12,
@@ -37,7 +37,7 @@ Kept = dict[str, tuple[int, int]]
 
 
 class Pipeline:
-    """A project of eight runs of which none is computed, and what an undisturbed `dvc repro` makes of it."""
+    """A project of harness.RUNS runs of which none is computed, and what an undisturbed `dvc repro` makes of it."""
 
     def __init__(self, project: Path, undisturbed: dict[str, str]) -> None:
         self.project, self.undisturbed = project, undisturbed
@@ -69,7 +69,7 @@ class Pipeline:
         """The next `dvc repro` computes what is missing, and no more; returns what it says."""
         self._ask_for(workers=False)
         said = repro(self.project, "runs")
-        assert f"8 runs, {len(kept)} of them in the store." in said
+        assert f"{harness.RUNS} runs, {len(kept)} of them in the store." in said
         self._completed(said, kept)
         return said
 
@@ -99,7 +99,7 @@ def _compute(top: Path) -> str:
     edit(project, *TINY.items())
     repro(project, "runs")
     made = Pipeline(project, {})
-    assert len(list(made.runs.iterdir())) == len(list(project.glob("data/runs/*/*/*.h5"))) == 8
+    assert len(list(made.runs.iterdir())) == len(list(project.glob("data/runs/*/*/*.h5"))) == harness.RUNS
     return json.dumps(harness.digests(project))
 
 

@@ -18,7 +18,8 @@ from mimo import artifact
 from stages import store
 from tests.pipeline import project as small
 
-PATIENCE = 240.0  # seconds; a sweep of eight tiny runs takes 15 on two idle cores
+RUNS = 10  # of the sweep, tiny ones
+PATIENCE = 240.0  # seconds; the sweep takes 15 on two idle cores
 ENDING = 60.0  # seconds that Ray's daemons may take to end
 AGENTS = ("ray::DashboardAgent", "ray::RuntimeEnvAgent")  # of a raylet that was killed: idle, and gone after a minute
 CGROUP = Path("/sys/fs/cgroup")
@@ -86,14 +87,14 @@ class Repro:
         """Wait until more than so many runs are finished and another is computed; returns the finished ones."""
         self.until(lambda: len(finished(self.project)) > more_than and self.workers())
         found = finished(self.project)
-        assert len(found) < 8
+        assert len(found) < RUNS
         return found
 
     def until_some(self) -> dict[str, tuple[int, int]]:
         """Likewise, where it has no workers: until some runs are finished, but not all."""
         self.until(lambda: finished(self.project))
         found = finished(self.project)
-        assert len(found) < 8
+        assert len(found) < RUNS
         return found
 
     def end(self, but: Collection[str] = ()) -> int:

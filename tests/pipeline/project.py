@@ -3,7 +3,6 @@
 import hashlib
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -25,11 +24,11 @@ def call(folder: Path, *arguments: str, plain: bool = False) -> subprocess.Compl
         **{f"GIT_{role}_{part}": "lab@example.org" for role in ("AUTHOR", "COMMITTER") for part in ("NAME", "EMAIL")},
     }
     if not plain:
-        environment["SHELL"] = forks.shell()
+        environment["SHELL"] = forks.program("shell")
         if arguments[0] == "dvc":
             arguments = (sys.executable, "-m", *arguments)
         if arguments[:2] == (sys.executable, "-m"):
-            arguments = (forks.shell(), "-c", shlex.join(("python", *arguments[1:])))
+            arguments = (forks.program("python"), *arguments[1:])
     return subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 

@@ -1,9 +1,9 @@
 """`python -m tests.pipeline.quick TOP`: `dvc repro` in TOP/base, then in an edited copy of it for each of many edits.
 
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
-stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC reads
-YAML by another library and writes JSON (which is YAML), and figures and films are stand-ins with their data's hashes.
-PLAIN goes without any of that.
+stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC does not
+lock files against other DVCs, reads YAML by another library and writes JSON (which is YAML), and figures and films are
+stand-ins with their data's hashes. PLAIN goes without any of that.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -17,12 +17,12 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mimo import identity
+from tests import forks
 from tests.pipeline.project import edit
 
 AT_ONCE = 2
@@ -59,26 +59,24 @@ def _load() -> None:
     for path in sorted(Path("stages").glob("*.py")):
         if "console.main(main)" in path.read_text():
             importlib.import_module(f"stages.{path.stem}")
-    gc.freeze()  # collecting garbage would copy it into every fork
     identity.code(*(f"mimo.{name}" for name in ("calibrate", "collect", "effects", "experiment", "probe")))
+    identity.versions()
+    for path in (*identity.ROOT.glob("mimo/*.py"), *identity.ROOT.glob("stages/*.py")):
+        identity.syntax(path)
+    gc.freeze()  # collecting garbage would copy it into every fork
 
 
 def _patch() -> None:
-    import ruamel.yaml
+    import dvc.rwlock
     from dvc.stage import run
 
-    def load(self: Any, text: str) -> Any:
-        return json.loads(text) if text.startswith("{") else yaml.load(text, yaml.CSafeLoader)
-
-    library: Any = ruamel.yaml.YAML
-    library.load = load
-    library.dump = lambda self, data, stream: stream.write(json.dumps(data))
+    forks.hasten()
+    dvc.rwlock.rwlock = lambda *given: nullcontext()
     run._run = _stage
     _share_the_scene()
     figures: Any = sys.modules["stages.figures"]
-    figures.drawn = lambda p, results, held, frames: [
-        ("fig3", {"svg": f"<svg><!-- {results.content} {held.content} --></svg>".encode()})
-    ]
+    figures.plan = lambda p, results, held, frames: {"fig3": f"<svg><!-- {results.content} {held.content} --></svg>"}
+    figures.files = lambda text: {"svg": text.encode()}
     film: Any = sys.modules["stages.film"]
     film.filmed = lambda p, run, trained: (run.content.encode(), b"")
 

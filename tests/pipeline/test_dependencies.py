@@ -159,7 +159,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     for name in STAGES:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(project)
-            patch.setattr("stages.figures._files", lambda figure: {"svg": b"<svg/>"})  # seconds, and no value is read
+            patch.setattr("stages.figures.files", lambda draw: {"svg": str(draw()).encode()})  # no value is read after
             found[name] = recorded(patch)
             run(name)
     return found

@@ -144,8 +144,7 @@ def test_a_free_mobile_moves_only_when_pulled(runs: Runs) -> None:
 # A run's bytes are its own.
 
 
-@pytest.mark.parametrize("reward", ["mtl", "cais_surprise"])
-@pytest.mark.parametrize("made", ["records", "running"])
+@pytest.mark.parametrize(("made", "reward"), [("records", "mtl"), ("running", "cais_surprise")])
 def test_the_same_bytes_in_any_company(made: str, reward: str, request: pytest.FixtureRequest) -> None:
     records: Callable[..., list[Record]] = request.getfixturevalue(made)
     three = [file(record) for record in records("noisy", reward, 0, 1, 2)]

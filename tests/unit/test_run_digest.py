@@ -38,7 +38,8 @@ def altered(section: Any, path: Sequence[str]) -> Any:
         return section.model_copy(update={name: altered(value, rest)})
     other: Any
     if isinstance(value, str):
-        other = {"left_foot": "right_foot", "move": "taken", "taken": "move", "resting": "running"}[value]
+        others = {"left_foot": "right_foot", "move": "taken", "taken": "move", "resting": "running"}
+        other = (others | {P.film.run: "mtl/seed-001"})[value]
     elif isinstance(value, list):
         other = value[1:]
     else:

@@ -3,7 +3,7 @@
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
 stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC does not
 lock files against other DVCs, reads YAML by another library and writes JSON (which is YAML), and figures and films are
-stand-ins with their data's hashes. PLAIN goes without any of that.
+stand-ins with their data's hashes. PLAIN goes without any of that, but for what tests/forks.py does.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -109,8 +109,9 @@ def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
             shutil.copytree(top / BASE, project)
             edit(project, *changes.items())
         os.chdir(project)
-        plain = [sys.executable, "-m", "dvc", "repro"]
-        code = subprocess.call(plain) if name == PLAIN else dvc.cli.main(["repro"])
+        plain = [forks.program("python"), "-m", "dvc", "repro"]
+        shell = {"SHELL": forks.program("shell")}
+        code = subprocess.call(plain, env=os.environ | shell) if name == PLAIN else dvc.cli.main(["repro"])
     finally:
         print(f"\n{code}", flush=True)
         os._exit(code)

@@ -86,17 +86,16 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     assert digests(project, "data", "reports") == digests(clone, "data", "reports")
     assert stored(project) == computed
 
-    # By the run cache: a third, at the first commit, makes the same edit, then takes it back.
+    # By the run cache: a third, at the first commit, makes the same edit.
     third = tmp_path / "third"
     done(tmp_path, "git", "clone", "-q", str(clone), str(third))
     done(third, "git", "checkout", "-q", "HEAD~1")
     share(third, "fetch", remote)
-    for value, same_as in (("taken", after), ("move", before)):
-        edit(third, ("rewards.cais.pays", value))
-        said = done(third, "dvc", "repro", "--pull", "runs", "variants")
-        assert "Running stage" not in said
-        assert "is cached - skipping run" in said
-        assert digests(third, "data/runs", "data/variants") == same_as
+    edit(third, ("rewards.cais.pays", "taken"))
+    said = done(third, "dvc", "repro", "--pull", "runs", "variants")
+    assert "Running stage" not in said
+    assert "is cached - skipping run" in said
+    assert digests(third, "data/runs", "data/variants") == after
     assert not stored(third)
 
 

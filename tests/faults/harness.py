@@ -136,9 +136,9 @@ def forget(project: Path) -> None:
         if "stages.train" in known.read_text():
             shutil.rmtree(known.parent)
     lock = project / "dvc.lock"
-    whole = yaml.safe_load(lock.read_text())
+    whole = yaml.load(lock.read_text(), yaml.CSafeLoader)
     del whole["stages"]["train"]
-    lock.write_text(yaml.safe_dump(whole, sort_keys=False))
+    lock.write_text(yaml.dump(whole, Dumper=yaml.CSafeDumper, sort_keys=False))
 
 
 def digests(project: Path) -> dict[str, str]:

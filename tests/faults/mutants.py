@@ -45,7 +45,7 @@ WRONG: tuple[Any, ...] = (None, True, "text", "1e-3", "0.3", [], {}, [[1]], {"a"
 
 
 def dump(tree: Any) -> bytes:
-    return yaml.safe_dump(tree, sort_keys=False).encode()
+    return yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False).encode()
 
 
 def words(place: Keys) -> tuple[str, ...]:

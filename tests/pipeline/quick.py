@@ -3,7 +3,7 @@
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
 stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC does not
 lock files against other DVCs, reads YAML by another library and writes JSON (which is YAML), and figures and films are
-stand-ins with their data's hashes. PLAIN goes without any of that, but for what tests/forks.py does.
+stand-ins with their data's hashes. What an edit runs without any of that: test_repro.py, test_published.py.
 
 TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
 as its last line, the exit code.
@@ -15,7 +15,6 @@ import json
 import os
 import shlex
 import shutil
-import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -26,7 +25,7 @@ from tests import forks
 from tests.pipeline.project import edit
 
 AT_ONCE = 2
-BASE, PLAIN = "base", "plain"
+BASE = "base"
 LENGTHS = {"baseline_steps", "attached_steps", "extinction_steps"}  # of which the scene knows nothing
 SWEEPS = {"stages.effects", "stages.train", "stages.vary"}  # these take --serial
 
@@ -109,9 +108,7 @@ def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
             shutil.copytree(top / BASE, project)
             edit(project, *changes.items())
         os.chdir(project)
-        plain = [forks.program("python"), "-m", "dvc", "repro"]
-        shell = {"SHELL": forks.program("shell")}
-        code = subprocess.call(plain, env=os.environ | shell) if name == PLAIN else dvc.cli.main(["repro"])
+        code = dvc.cli.main(["repro"])
     finally:
         print(f"\n{code}", flush=True)
         os._exit(code)

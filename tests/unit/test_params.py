@@ -49,7 +49,7 @@ def faults(folder: Path, changes: dict[Keys, Any]) -> list[str]:
             section = section[key]
         section[keys[-1]] = value
     path = folder / "params.yaml"
-    path.write_text(yaml.safe_dump(changed))
+    path.write_text(yaml.dump(changed, Dumper=yaml.CSafeDumper))
     with pytest.raises(params.ParamsError) as caught:
         params.load(path)
     sentences = str(caught.value).splitlines()
@@ -102,7 +102,7 @@ def test_a_missing_key_is_named(keys, tmp_path):
         section = section[key]
     del section[keys[-1]]
     path = tmp_path / "params.yaml"
-    path.write_text(yaml.safe_dump(changed))
+    path.write_text(yaml.dump(changed, Dumper=yaml.CSafeDumper))
     with pytest.raises(params.ParamsError, match=rf"^{re.escape(f'{path}: {dotted(keys)} is missing.')}$"):
         params.load(path)
 

@@ -1,7 +1,7 @@
 """The page's figures and films: what they show, in words, and what they were made by."""
 
 import base64
-from collections.abc import Collection, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -117,7 +117,6 @@ CAPTIONS = {  # by file's name, in the page's order
         (_ENCODER, _FRAMES),
     ),
 }
-FILMS = {"free": "Free mobile", "noisy": "Noisy mobile"}  # by file's name
 
 
 @dataclass(frozen=True)
@@ -187,14 +186,13 @@ def figures(metrics: Mapping[str, Any], folder: Path, p: Params) -> list[Shown]:
     return shown
 
 
-def films(folder: Path, conditions: Collection[str]) -> list[Film]:
+def films(folder: Path, conditions: Iterable[str]) -> list[Film]:
     """The film of each condition that has one, with its poster; those of other conditions an earlier sweep left."""
-    named = {folder / name: heading for name, heading in FILMS.items() if name in conditions}
-    made = {path: heading for path, heading in named.items() if path.with_suffix(".mp4").is_file()}
-    return [_film(path, heading) for path, heading in made.items()]
+    return [_film(folder / name) for name in conditions if (folder / f"{name}.mp4").is_file()]
 
 
-def _film(path: Path, heading: str) -> Film:
+def _film(path: Path) -> Film:
+    heading = f"{path.name.capitalize()} mobile"
     told = origin.read(path.with_suffix(".json"))
     reward, _, seed = told["params"]["film"]["run"].partition("/seed-")
     run = f"{analysis.label(reward)}, seed {int(seed)}"

@@ -1,13 +1,15 @@
-"""`python -m stages.film CONDITION`: reports/film/CONDITION.mp4, .png and .json, a published run beside and within.
+"""`python -m stages.film CONDITION`: reports/film/CONDITION.mp4, with a poster (.png) and its origin (.json).
 
-The run's recorded actions are repeated in the real world, from its first step. What it recorded of world and eye must
-come out again, to the bit on a machine of the same class; else nothing is written.
+It shows a published run from beside, and through the infant's eye. The run's recorded actions are repeated in the real
+world, from its first step. What it recorded of world and eye must come out again, to the bit on a machine of the same
+class; else nothing is written.
 """
 
 import argparse
 import io
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -74,7 +76,7 @@ def filmed(p: params.Params, run: artifact.Artifact, trained: encoder.Trained) -
     built = scene.build(p.world, p.protocol)
     drawn = Sheet(run, phases, p.film.width)
     *_, width, height = drawn.pixels(sheet.VIEW)
-    with Eye(built) as eye, View(built, p.protocol.limb, drawn.colour, (height, width)) as view:
+    with Eye(built) as eye, closing(View(built, p.protocol.limb, drawn.colour, (height, width))) as view:
         with console.Progress("Replay", max(shown) + 1, "agent steps") as progress:
             found = replay(p, run, built, eye, encoder.Extractor(p.encoder, trained), shown, progress.update)
         check(run, found.record)

@@ -23,7 +23,7 @@ ROPE_WIDTH = 0.005  # m; the scene's 2 mm are less than a pixel
 
 
 class View:
-    """Renders worlds of one scene. Close it, or use it in a with block.
+    """Renders worlds of one scene. Close it: contextlib.closing does so after a block.
 
     Args:
         scene: left as it is; what is drawn is a copy.
@@ -59,12 +59,6 @@ class View:
     def close(self) -> None:
         """Free the GL context."""
         self._renderer.close()
-
-    def __enter__(self) -> "View":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _light(self, mirror: int, size: tuple[int, int]) -> None:
         """A lamp above, where the scene's own shines from below for the eye."""

@@ -27,12 +27,13 @@ ROOT = Path(__file__).parents[1]
 FOLDER = "TESTS_FORKS"  # environment variable: where socket and programs lie
 PROGRAM = """\
 #!{python} -SE
+import shlex
 import sys
 sys.path.insert(0, {root!r})
 from tests import forks
 sys.exit(forks.ask({socket!r}, {words}))
 """
-WORDS = {"shell": "__import__('shlex').split(sys.argv[2])[1:]", "python": "sys.argv[1:]"}  # what each program is given
+WORDS = {"shell": "shlex.split(sys.argv[2])[1:]", "python": "sys.argv[1:]"}  # what each program is given
 REQUEST = 2**17  # bytes at most
 LIBRARIES = (  # but not Ray, which reads its environment as it is loaded
     "dvc.cli", "dvc.commands.repro", "dvc.repo.reproduce", "h5py", "matplotlib.figure", "mujoco.batch", "pandas",

@@ -32,9 +32,9 @@ def call(folder: Path, *arguments: str, plain: bool = False) -> subprocess.Compl
     return subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def done(folder: Path, *arguments: str, plain: bool = False) -> str:
+def done(folder: Path, *arguments: str) -> str:
     """What the command said on its standard output; it must succeed."""
-    result = call(folder, *arguments, plain=plain)
+    result = call(folder, *arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 

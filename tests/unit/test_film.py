@@ -4,6 +4,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -148,7 +149,7 @@ def test_the_film_plays_in_browsers_and_shows_what_the_eye_saw(
 
 def test_the_rope_is_drawn_while_it_is_tied(built: Scene) -> None:
     rest = built.model.key_qpos[0]
-    with View(built, "left_foot", "#009E73", (54, 106)) as view:
+    with closing(View(built, "left_foot", "#009E73", (54, 106))) as view:
         tied, loose = (view.picture(rest, attached).astype(int) for attached in (True, False))
     changed = tied[(tied != loose).any(axis=-1)]
     assert len(changed) > 20

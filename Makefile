@@ -1,10 +1,9 @@
 # make paper | verify | publish | share | fetch | preview | test | check | format | bench | scaling. `make` alone lists them.
 
-PYTHON ?= python3.11
-MUJOCO_GL ?= egl
+# The interpreter for .venv: the first of these that is Python 3.11 to 3.13, unless PYTHON names another.
+PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
 SYSTEM_PATH := $(PATH)
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
-export MUJOCO_GL
 export DVC_NO_ANALYTICS := 1
 export RAY_USAGE_STATS_ENABLED := 0
 
@@ -60,9 +59,20 @@ scaling: $(STAMP) ## Time the scheduler on up to 1,000 simulated workers
 .venv: $(STAMP) ## The locked environment; made anew where requirements.lock has changed
 
 $(STAMP): requirements.lock
-	@test -x .venv/bin/pip || { export PATH="$(SYSTEM_PATH)"; $(PYTHON) -m venv .venv >/dev/null || { \
+	@test -x .venv/bin/pip || { export PATH="$(SYSTEM_PATH)"; \
+	  for python in $(PYTHONS); do \
+	    "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null && break; \
+	  done || { echo "Python 3.11 to 3.13 is needed; none of these is one: $(PYTHONS)."; exit 1; }; \
+	  "$$python" -m venv .venv >/dev/null || { \
 	  : "Debian's Python may lack ensurepip: pip then comes by the system's pip"; \
-	  $(PYTHON) -m venv --clear --without-pip .venv && $(PYTHON) -m pip --python .venv/bin/python install -qq pip; }; }
+	  "$$python" -m venv --clear --without-pip .venv && "$$python" -m pip --python .venv/bin/python install -qq pip; }; }
 	@echo "Installing requirements.lock into .venv"
 	@.venv/bin/python -m pip install -qq --disable-pip-version-check -r requirements.lock
+	@.venv/bin/python -c 'import platform, torch; print(f"Python {platform.python_version()}, PyTorch {torch.__version__}:", \
+	  f"the build for CUDA {torch.version.cuda}, though no GPU is needed" if torch.version.cuda else "the CPU build")'
+	@touch $@
+
+# What PyTorch's CUDA build brings, in a folder of its own: tests/unit/test_runtime.py needs it where that build is not.
+.venv/triton: $(STAMP)
+	@.venv/bin/python -m pip install -qq --disable-pip-version-check --no-deps --target $@ triton==3.7.1
 	@touch $@

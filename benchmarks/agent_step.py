@@ -5,12 +5,9 @@ Physics and whole alternate in blocks, so that the ratio holds on a busy machine
 """
 
 import argparse
-import os
 import time
 from collections.abc import Callable
 from typing import Any
-
-os.environ.setdefault("MUJOCO_GL", "egl")
 
 import numpy as np
 from rich.console import Console

@@ -1,1 +1,5 @@
 """From kicking to causality: an infant model under a mobile, its learning, and its intrinsic rewards."""
+
+from mimo import runtime
+
+runtime.prepare()

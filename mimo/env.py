@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from mimo import body, params, scene
+from mimo import body, params, runtime, scene
 from mimo.eye import SIZE, Eye
 from mimo.params import Condition, Limb, Params
 from mimo.protocol import phase, steps
@@ -116,7 +116,7 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         if self.render_mode != "rgb_array" or self._worlds is None:
             return None
         if self._view is None:
-            self._view = mujoco.Renderer(self._scene.model, *VIEW)
+            self._view = runtime.renderer(self._scene.model, *VIEW)
         data = mujoco.MjData(self._scene.model)
         data.qpos[:] = self._worlds.qpos[0]
         mujoco.mj_forward(self._scene.model, data)

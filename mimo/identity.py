@@ -1,7 +1,8 @@
 """Identity: what a run's bytes depend on, as digests.
 
 A run is found again, or computed again, by the SHA-256 of its inputs. Code counts by its syntax tree without
-docstrings, so that a comment, a docstring or a reformatting computes nothing again.
+docstrings, so that a comment, a docstring or a reformatting computes nothing again; the tree is spelled alike by every
+Python. Libraries count by their release, not by how it was built.
 """
 
 import ast
@@ -101,15 +102,32 @@ def syntax(path: Path) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that decide numbers, as installed.
+    """Releases of the libraries that decide numbers, as installed.
 
     Raises:
         importlib.metadata.PackageNotFoundError: one is not.
     """
-    return {name: _version(distribution) for name, distribution in LIBRARIES.items()}
+    return {name: release(distribution) for name, distribution in LIBRARIES.items()}
 
 
-_version = functools.cache(importlib.metadata.version)  # a sweep asks once a cell, and reading takes milliseconds
+def release(distribution: str) -> str:
+    """The installed version without its local label: PyTorch 2.13.0 for the builds 2.13.0+cpu and 2.13.0.
+
+    Raises:
+        importlib.metadata.PackageNotFoundError: it is not installed.
+    """
+    return build(distribution).partition("+")[0]
+
+
+# Kept, since a sweep asks once a cell, and reading takes milliseconds.
+@functools.cache
+def build(distribution: str) -> str:
+    """The installed version, local label and all.
+
+    Raises:
+        importlib.metadata.PackageNotFoundError: it is not installed.
+    """
+    return importlib.metadata.version(distribution)
 
 
 def _plain(obj: object) -> object:
@@ -137,8 +155,15 @@ class _Bare(ast.NodeTransformer):
     """Drops what runs nothing: docstrings, other text standing alone, and blocks for type checkers."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        self.generic_visit(node)
         text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         return None if text else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.JoinedStr:
+        self.generic_visit(node)
+        # Early releases of Python 3.12 end a nested format with an empty text.
+        node.values = [part for part in node.values if not (isinstance(part, ast.Constant) and part.value == "")]
+        return node
 
     def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
         self.generic_visit(node)
@@ -159,7 +184,16 @@ def _parse(
     if rewards is not None:
         tree = _without_other_rewards(tree, rewards)
     imports = tuple(node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
+    return hashlib.sha256(json.dumps(_spelled(tree)).encode()).hexdigest(), imports
+
+
+def _spelled(node: object) -> object:
+    """A syntax tree as lists and text: ast.dump and ast.unparse give each Python's release a spelling of its own."""
+    if isinstance(node, ast.AST):
+        # Absent and empty fields are one; later Pythons have more of them.
+        fields = {name: _spelled(value) for name, value in ast.iter_fields(node) if value not in (None, [])}
+        return [type(node).__name__, fields]
+    return [_spelled(item) for item in node] if isinstance(node, list) else ascii(node)
 
 
 def _without_other_rewards(tree: ast.Module, rewards: Collection[str]) -> ast.Module:

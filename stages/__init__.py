@@ -1,8 +1,7 @@
-"""One module for each DVC stage, and the commands around them. Rendering is off-screen, Ray's telemetry off."""
+"""One module for each DVC stage, and the commands around them. Ray's telemetry is off."""
 
 import os
 
-os.environ.setdefault("MUJOCO_GL", "egl")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 if not os.environ.get("RAY_ADDRESS"):
     # A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.

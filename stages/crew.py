@@ -23,7 +23,7 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 import mimo
 import stages
-from mimo import identity
+from mimo import identity, runtime
 from stages import console, paths, provenance
 
 POLL_SECONDS = 1.0
@@ -246,7 +246,7 @@ def _other(versions: Mapping[str, str]) -> str:
     found = []
     for name, version in versions.items():
         try:
-            own = importlib.metadata.version(identity.LIBRARIES[name])
+            own = identity.release(identity.LIBRARIES[name])
         except importlib.metadata.PackageNotFoundError:
             own = "missing"
         if own != version:
@@ -316,7 +316,7 @@ def _join(address: str) -> None:
             "(`ray start --address=HOST:6379 --num-cpus=0`), then set RAY_ADDRESS=auto."
         )
     code = [str(Path(package.__path__[0])) for package in (mimo, stages)]
-    passed = {name: os.environ[name] for name in ("MUJOCO_GL",)}
+    passed = {name: os.environ[name] for name in runtime.ENVIRONMENT if name in os.environ}
     try:
         ray.init(
             address=address,

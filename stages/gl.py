@@ -6,9 +6,9 @@ import shutil
 import subprocess
 import sys
 
+from mimo.runtime import PACKAGES
 from stages import paths
 
-PACKAGES = ("libegl1", "libgl1-mesa-dri")  # EGL itself, and Mesa's drivers behind it
 LOG = paths.STORE / "gl.log"
 SECONDS = 120  # a first picture takes 2 s; a machine this slow is a broken one
 

@@ -5,6 +5,7 @@ import copy
 import mujoco
 import numpy as np
 
+from mimo import runtime
 from mimo.scene import Scene
 
 PIXELS = 640  # a side
@@ -30,7 +31,7 @@ def draw(built: Scene) -> np.ndarray:
     camera.azimuth, camera.elevation, camera.distance, camera.lookat[:] = AZIMUTH, ELEVATION, DISTANCE, LOOK_AT
     option.geomgroup[:] = option.tendongroup[:] = 1
     option.sitegroup[:] = 0
-    with mujoco.Renderer(model, PIXELS * FINER, PIXELS * FINER) as renderer:
+    with runtime.renderer(model, PIXELS * FINER, PIXELS * FINER) as renderer:
         renderer.update_scene(data, camera, option)
         pixels = renderer.render()
     pixels[~pixels.any(axis=2)] = 255  # behind everything is black, and nothing else is under ambient light

@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from mimo import params
+from stages import dvc
 
 FOLDER = Path(".work/preview")
 OVERRIDES = "params.preview.yaml"
@@ -98,7 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.prepare_only:
         print(f"Prepared {options.folder}.")
         return 0
-    code = dvc(["repro"], options.folder)
+    code = dvc.run(["repro"], options.folder)
     if code:
         print(f"The preview in {options.folder} failed; what went wrong is above.", file=sys.stderr)
         return code
@@ -167,18 +168,9 @@ def _walk(folder: Path, leave_out: set[str]) -> Iterator[Path]:
 def _init_dvc(folder: Path) -> None:
     """A DVC project of its own, with its own cache: nothing of the preview enters the published one's."""
     config = folder / ".dvc" / "config"
-    if not config.is_file() and dvc(["init", "--no-scm", "--quiet"], folder):
+    if not config.is_file() and dvc.run(["init", "--no-scm", "--quiet"], folder):
         raise PreviewError(f"DVC cannot be set up in {folder}; see its message above.")
     config.write_text(DVC_CONFIG)
-
-
-def dvc(arguments: list[str], folder: Path = Path()) -> int:
-    """Run DVC in `folder`; `python` in its commands is the interpreter that runs this."""
-    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
-    environment = os.environ | {"PATH": path, "DVC_NO_ANALYTICS": "1"}
-    return subprocess.run(
-        [sys.executable, "-m", "dvc", *arguments], check=False, cwd=folder, env=environment
-    ).returncode
 
 
 if __name__ == "__main__":

@@ -55,6 +55,7 @@ def machine() -> dict[str, Any]:
         "python": platform.python_version(),
         "renderer": drawn,
         "versions": identity.versions(),
+        "builds": {name: identity.build(distribution) for name, distribution in identity.LIBRARIES.items()},
     }
 
 
@@ -106,7 +107,7 @@ def publish() -> None:
     last = {line["digest"]: line for line in known}  # the last time each was computed
     machines: list[dict[str, Any]] = []
     for line in last.values():
-        own = {key: line[key] for key in machine()}
+        own = {key: line.get(key) for key in machine()}
         if own not in machines:
             machines.append(own)
     made: dict[str, dict[str, Any]] = {}

@@ -5,10 +5,9 @@ dvc.lock and reports/ travel by git.
 """
 
 import argparse
-import subprocess
 import sys
 
-from stages import console
+from stages import console, dvc
 
 REMOTE = "shared"
 
@@ -35,7 +34,7 @@ def push() -> None:
     Raises:
         console.StageError: dvc.lock is not what the tree gives, so others could not tell what they get; or DVC fails.
     """
-    if _call("status", "--quiet"):
+    if dvc.run(["status", "--quiet"]):
         raise console.StageError(
             "dvc.lock does not fit the files here (`dvc status` says where); run `dvc repro` first."
         )
@@ -49,12 +48,8 @@ def fetch() -> None:
 
 
 def _dvc(*arguments: str) -> None:
-    if _call(*arguments):
+    if dvc.run([*arguments]):
         raise console.StageError(f"`dvc {' '.join(arguments)}` failed; what has arrived stays, so run it again.")
-
-
-def _call(*arguments: str) -> int:
-    return subprocess.run([sys.executable, "-m", "dvc", *arguments], check=False).returncode
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from mimo import body
+from mimo import body, runtime
 from mimo.scene import ARMS, Scene
 
 LEGS = ("upper_leg", "lower_leg", "foot", "toes")
@@ -43,7 +43,7 @@ class View:
         self._camera.lookat[:], self._camera.distance = LOOK_AT, DISTANCE
         self._camera.azimuth, self._camera.elevation = mirror * AZIMUTH, ELEVATION
         self._option = mujoco.MjvOption()
-        self._renderer = mujoco.Renderer(self._model, *size)
+        self._renderer = runtime.renderer(self._model, *size)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
 
     def picture(self, qpos: np.ndarray, attached: bool) -> np.ndarray:

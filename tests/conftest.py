@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-# Set before anything imports mujoco, ray or dvc, and inherited by the processes that tests start.
-os.environ.setdefault("MUJOCO_GL", "egl")
+import mimo  # noqa: F401  # chooses how MuJoCo draws, before anything imports it
+
+# Set before anything imports ray or dvc, and inherited by the processes that tests start.
 os.environ.setdefault("DVC_NO_ANALYTICS", "1")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 

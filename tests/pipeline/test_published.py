@@ -4,6 +4,7 @@ All start from the project of tests/pipeline/conftest.py.
 """
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -52,6 +53,17 @@ def test_what_is_fetched_is_published_and_one_more_seed_computes_its_own_runs_al
     after = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
     assert len(after) == 8
     assert all(after[path] == data for path, data in before.items())
+
+
+def test_an_archive_without_git_works_likewise(project: Path) -> None:
+    shutil.rmtree(project / ".git")
+    assert "is not a git repository" in python(project, "dvc", "status").stderr  # what a command of ours mends
+    for command in ("paper", "verify", "share"):
+        said = python(project, f"stages.{command}", *{"verify": ["--runs", "1"], "share": ["push"]}.get(command, []))
+        assert said.returncode == 0, said.stderr
+        if command == "paper":
+            assert said.stdout.splitlines()[-1] == "13 artifacts, 0 of them recomputed; 13 equal the 13 published."
+    assert python(project, "dvc", "status", "--quiet").returncode == 0
 
 
 # A sample, computed again.

@@ -23,7 +23,7 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
         "collect", "encoder", "trial", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
         "vary", *(f"variants@{name}" for name in VARIANTS), "compare", *FILMS,
     }  # fmt: skip
-    assert output.endswith("13 artifacts, 13 of them recomputed; git knows no published ones to compare with.\n")
+    assert output.endswith("13 artifacts, 13 of them recomputed; there are no published ones to compare with.\n")
     for condition in ("free", "noisy"):
         for reward in ("mtl", "cais"):
             with h5py.File(project / f"data/runs/{condition}/{reward}/seed-000.h5") as run:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mimo import params, scene
+from mimo import params, runtime, scene
 from mimo.eye import SIZE, Eye
 from mimo.world import Worlds
 
@@ -67,7 +67,7 @@ def test_nothing_the_eye_could_see_is_left_out(limb: str) -> None:
     everything = mujoco.MjvOption()
     everything.geomgroup[:] = 1
     seen: set[int] = set()
-    with mujoco.Renderer(model, SIZE, SIZE) as renderer:
+    with runtime.renderer(model, SIZE, SIZE) as renderer:
         renderer.enable_segmentation_rendering()
         for _ in range(60):
             w.step(w.torque(rng.random((4, 12)) < 0.5, rng.random((4, 12)) < 0.5), attached=True)

@@ -86,6 +86,39 @@ def test_comments_docstrings_formatting_and_type_checking_do_not_count(
     assert identity.code("mimo.experiment", root=root) == before
 
 
+def test_every_python_spells_a_tree_alike(root: Path) -> None:
+    """The hash is that of 3.11, 3.12 and 3.13, which differ in how they quote, and in what they write of a node."""
+    source = """
+import numpy as np
+class A(list, metaclass=type):
+    x: int = 1 if None else -2.5e-3
+    def f(self, a, /, b=(), *c, d=[], **e): return f"{a!r:>{b}} {c['k']} {{}}" f"{d=}" + 'é' * 2
+@property
+async def g(y):
+    async with y as (z, *_): yield {k: v for k, v in z if (n := k)} or {**z}
+    match y:
+        case {"a": [1, *_], **r} | A(x=0): raise ValueError("a\\n\\x00") from None
+    try: pass
+    except* OSError: global h
+    return lambda: (b"\\xff", 1j, ..., True, y[1:, ::2])
+"""
+    (root / "mimo/odd.py").write_text(source)
+    assert (
+        identity.code("mimo.odd", root=root)["mimo.odd"]
+        == "a91b27d1dfd6fc81f1c5a352ce0bf45b2937835d22cdf7d60913c593ca489f5b"
+    )
+
+
+def test_a_build_of_a_library_is_its_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, version in (("here-one", "2.13.0+cpu"), ("here-two", "2.13.0")):
+        folder = tmp_path / f"{name.replace('-', '_')}-{version}.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert [identity.release(name) for name in ("here-one", "here-two")] == ["2.13.0", "2.13.0"]
+    assert identity.build("here-one") == "2.13.0+cpu"
+
+
 def test_a_constant_counts_in_its_module_alone(root: Path) -> None:
     before = identity.code("mimo.experiment", root=root)
     edit(root, "body", "10.9", "11.0")

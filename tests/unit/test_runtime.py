@@ -1,0 +1,107 @@
+"""mimo.runtime: MuJoCo draws without screen or variable, whatever is loaded later, and in forks."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mimo import runtime
+
+ROOT = Path(__file__).parents[2]
+TRITON = ROOT / ".venv/triton"  # `make .venv/triton`
+SCREEN = ("MUJOCO_GL", "LP_NUM_THREADS", "DISPLAY", "WAYLAND_DISPLAY")
+DRAW = """
+import numpy as np
+from mimo import params, scene
+from mimo.eye import Eye
+p = params.load()
+built = scene.build(p.world, p.protocol)
+eye = Eye(built)
+assert eye.frames(built.model.key_qpos).any()
+"""
+TORCH_LATER = """
+import torch
+torch.optim.AdamW([torch.zeros(1, requires_grad=True)])
+"""
+VECTOR = """
+import gymnasium
+envs = gymnasium.make_vec("mimo.env:MIMoMobile-v0", num_envs=2, vectorization_mode="async")
+seen, _ = envs.reset(seed=0)
+assert seen["vision"].shape == (2, 128, 128, 3) and seen["vision"].any(axis=(1, 2, 3)).all()
+assert envs.step(envs.action_space.sample())[0]["vision"].any()
+envs.close()
+"""
+FORKED = """
+from stable_baselines3.common.vec_env import SubprocVecEnv
+from mimo.env import MIMoMobileEnv
+own = MIMoMobileEnv()
+seen = own.reset(seed=0)[0]["vision"]
+envs = SubprocVecEnv([MIMoMobileEnv, MIMoMobileEnv], start_method="fork")
+envs.seed(0)
+assert (envs.reset()["vision"] == seen).all()
+envs.close()
+own.close()
+"""
+
+
+def run(script: str, *path: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """A script in a process of its own, as on a machine without a screen where nobody has set a variable."""
+    bare = {name: value for name, value in os.environ.items() if name not in SCREEN}
+    found = bare | {"PYTHONPATH": os.pathsep.join(map(str, (ROOT, *path)))} | variables
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, env=found, capture_output=True, text=True, timeout=120
+    )
+
+
+def test_pictures_need_neither_a_screen_nor_a_variable() -> None:
+    done = run(f"{DRAW}\nimport os\nprint(os.environ['MUJOCO_GL'])")
+    assert (done.returncode, done.stdout) == (0, "egl\n"), done.stderr
+
+
+def test_what_the_user_has_set_stays() -> None:
+    done = run("import mimo, os\nprint(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])", MUJOCO_GL="osmesa")
+    assert done.stdout == "osmesa 0\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "variables", "advice"),
+    [
+        ("import mujoco", {}, "MuJoCo was imported before mimo chose EGL; import mimo first, or set MUJOCO_GL=egl."),
+        ("", {"MUJOCO_GL": "off"}, "unset MUJOCO_GL (it is 'off') to use EGL."),
+        ("", {"__EGL_VENDOR_LIBRARY_FILENAMES": "/none"}, "as root run `apt-get install libegl1 libgl1-mesa-dri`."),
+    ],
+)
+def test_where_nothing_can_be_drawn_a_sentence_says_what_to_do(
+    before: str, variables: dict[str, str], advice: str
+) -> None:
+    done = run(f"{before}\n{DRAW}", **variables)
+    assert done.returncode == 1
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("mimo.runtime.RenderError: Pictures cannot be drawn off screen (")
+    assert last.endswith(f": {advice}")
+
+
+def test_torch_after_a_picture_does_not_end_the_process() -> None:
+    """It does, by a segmentation fault, if the picture is drawn before triton is loaded."""
+    brought = importlib.util.find_spec("triton") is not None
+    if not brought and not TRITON.exists():
+        pytest.skip("PyTorch is the CPU build, and triton is not beside it: `make .venv/triton`")
+    done = run(DRAW + TORCH_LATER, *([] if brought else [TRITON]))
+    assert done.returncode == 0, done.stderr
+
+
+def test_there_is_one_way_to_a_renderer() -> None:
+    files = [path for top in ("mimo", "stages", "examples", "benchmarks") for path in (ROOT / top).rglob("*.py")]
+    made = {str(path.relative_to(ROOT)) for path in files if "mujoco.Renderer(" in path.read_text()}
+    assert made == {"mimo/runtime.py", "stages/gl.py"}  # the latter's is in a process that draws and ends
+    assert runtime.BEFORE_GL == ("triton",)
+
+
+@pytest.mark.parametrize("script", [VECTOR, FORKED], ids=["gymnasium", "stable-baselines3"])
+def test_environments_draw_in_forks(script: str) -> None:
+    """They would wait for ever for threads of llvmpipe that stayed behind."""
+    done = run(script)
+    assert done.returncode == 0, done.stderr

@@ -16,29 +16,29 @@ help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
 paper: $(STAMP) ## Every figure, table and claim of the paper: only what is missing is computed
-	@python -m stages.gl --install
-	@python -m stages.paper
+	@python -m stages.commands.gl --install
+	@python -m stages.commands.paper
 
 verify: $(STAMP) ## Compute a sample of the published artifacts again and compare
-	@python -m stages.gl --install
-	@python -m stages.verify
+	@python -m stages.commands.gl --install
+	@python -m stages.commands.verify
 
 publish: $(STAMP) ## Say on which machines the published artifacts were made: reports/published-on.json
-	@python -m stages.provenance
+	@python -m stages.base.provenance
 
 share: $(STAMP) ## Send the results to a DVC remote: make share [REMOTE=s3://bucket/folder]
-	@python -m stages.share push $(REMOTE)
+	@python -m stages.commands.share push $(REMOTE)
 
 fetch: $(STAMP) ## Get the results of this commit, and others' run cache: make fetch [REMOTE=s3://bucket/folder]
-	@python -m stages.share fetch $(REMOTE)
+	@python -m stages.commands.share fetch $(REMOTE)
 
 preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
-	@python -m stages.gl --install
-	@python -m stages.preview
+	@python -m stages.commands.gl --install
+	@python -m stages.commands.preview
 
 # One worker more than there are processors: many a test waits for processes of its own.
 test: $(STAMP) ## The whole test suite
-	@python -m stages.gl --install
+	@python -m stages.commands.gl --install
 	python -m pytest -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadfile --no-loadscope-reorder
 
 check: $(STAMP) ## Format, lint, types

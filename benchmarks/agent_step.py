@@ -13,10 +13,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from mimo import encoder, params, scene, streams
-from mimo.experiment import Experiment
-from mimo.rewards import REWARDS
-from mimo.world import Worlds
+from mimo.learning.experiment import Experiment
+from mimo.learning.rewards import REWARDS
+from mimo.record import streams
+from mimo.settings import params
+from mimo.vision import encoder
+from mimo.world import scene
+from mimo.world.physics import Worlds
 
 BLOCK = 10  # agent steps
 PARTS = ("physics", "eye", "encoder", "learning", "record")

@@ -1,6 +1,6 @@
 """`make scaling`: how a sweep scales, from 1 to 1,000 workers and from 140 to 14,000 runs.
 
-The scheduler is the real one (stages.sweep.drive): it hands out chunks, takes their files, and writes each into a
+The scheduler is the real one (stages.sweep.sweep.drive): it hands out chunks, takes their files, and writes each into a
 store on disk, with its fsync. The workers are simulated on a clock of their own, in which a chunk takes as long as one
 was recorded to take (`--record` writes run_lengths.json), and all that the driver does takes as long as it does here.
 Ray's own work is not in it.
@@ -30,11 +30,14 @@ import numpy as np
 import psutil  # type: ignore[import-untyped]
 
 from benchmarks.agent_step import untrained
-from mimo import artifact, params, protocol
-from mimo.experiment import Experiment
-from mimo.rewards import REWARDS
-from stages import console, crew, store, sweep
-from stages.schedule import Chunk, Run, Schedule
+from mimo.learning.experiment import Experiment
+from mimo.learning.rewards import REWARDS
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.world import protocol
+from stages.base import console, store
+from stages.sweep import crew, sweep
+from stages.sweep.schedule import Chunk, Run, Schedule
 
 LENGTHS = Path(__file__).with_name("run_lengths.json")
 WORKERS = (1, 2, 10, 100, 1000)

@@ -20,13 +20,17 @@ import torch
 from gymnasium import spaces
 from stable_baselines3 import PPO
 
-from mimo import artifact, body, encoder, params, rewards
-from mimo.encoder import Extractor, Trained
-from mimo.env import MIMoMobileEnv, Observation
-from mimo.errors import Fault
-from mimo.experiment import initial_quantiles
-from mimo.outcomes import Outcomes
-from mimo.params import Condition, Params
+from mimo.learning import rewards
+from mimo.learning.experiment import initial_quantiles
+from mimo.learning.outcomes import Outcomes
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.settings.errors import Fault
+from mimo.settings.params import Condition, Params
+from mimo.vision import encoder
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import body
+from mimo.world.env import MIMoMobileEnv, Observation
 
 ROLLOUT, BATCH = 250, 50  # agent steps: between PPO's updates, a tenth of an experiment; of each gradient
 
@@ -76,7 +80,7 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         return self._observation(seen), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """One agent step; the reward as mimo.experiment pays it, mean over the joints."""
+        """One agent step; the reward as mimo.learning.experiment pays it, mean over the joints."""
         seen, mtl, terminated, truncated, info = self.env.step(action)
         before, self._latent = self._latent, self._extract(seen["vision"][None])
         moved = torch.from_numpy(np.asarray(action, bool))[None]

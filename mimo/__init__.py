@@ -1,5 +1,5 @@
 """From kicking to causality: an infant model under a mobile, its learning, and its intrinsic rewards."""
 
-from mimo import runtime
+from mimo.record import runtime
 
 runtime.prepare()

@@ -7,10 +7,13 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from mimo import analysis, artifact, identity, params
-from stages import console, curves, numbers, paths, provenance, store
+from mimo.record import artifact, identity
+from mimo.science import analysis
+from mimo.settings import params
+from stages.base import console, numbers, paths, provenance, store
+from stages.sweep import curves
 
-ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
+ENCODER = "encoder"  # schema, as mimo.vision.encoder names it; that loads torch
 PLOTTED = ("move_probability", "reward", "q_move", "influence")
 
 

@@ -3,8 +3,11 @@
 import sys
 from pathlib import Path
 
-from mimo import artifact, encoder, params
-from stages import console, paths, scales, store
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
+from stages.base import console, paths, store
+from stages.sweep import scales
 
 
 def main() -> None:

@@ -4,10 +4,11 @@ import json
 import sys
 from pathlib import Path
 
-from mimo import artifact, params
-from stages import console, paths, store
+from mimo.record import artifact
+from mimo.settings import params
+from stages.base import console, paths, store
 
-ENCODER = "encoder"  # schema, as mimo.encoder names it; that loads torch
+ENCODER = "encoder"  # schema, as mimo.vision.encoder names it; that loads torch
 SINGLE = {
     paths.FRAMES: store.FRAME,
     paths.ENCODER: ENCODER,

@@ -9,9 +9,11 @@ import sys
 from collections import Counter
 from typing import Any
 
-from mimo import analysis, artifact, claims, judgement, params
-from stages import console, numbers, paths, store
-from stages.results import curves_of, phases_of
+from mimo.record import artifact
+from mimo.science import analysis, claims, judgement
+from mimo.settings import params
+from stages.base import console, numbers, paths, store
+from stages.sweep.results import curves_of, phases_of
 
 
 def main() -> None:
@@ -37,7 +39,7 @@ def main() -> None:
 
 
 def judged(held: artifact.Artifact, above: str = "") -> list[dict[str, Any]]:
-    """The claims of mimo.claims with their verdicts, from an artifact of curves; `above` as in `curves_of`."""
+    """The claims of mimo.science.claims with their verdicts, from an artifact of curves; `above` as in `curves_of`."""
     return judgement.evaluate(curves_of(held, above), analysis.windows(phases_of(held)), claims.CLAIMS)
 
 

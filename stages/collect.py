@@ -3,8 +3,10 @@
 import sys
 from pathlib import Path
 
-from mimo import artifact, collect, identity, params
-from stages import console, paths, store
+from mimo.record import artifact, identity
+from mimo.settings import params
+from mimo.vision import collect
+from stages.base import console, paths, store
 
 
 def main() -> None:
@@ -33,7 +35,7 @@ def made_from(p: params.Params) -> identity.Digest:
         | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
         | {name: getattr(p.collect, name) for name in ("worlds", "steps", "pair_updates")}
         | {"seed": p.seed, "move_bias": p.agent.move_bias, "temperature": p.agent.temperature},
-        "code": identity.code("mimo.collect"),
+        "code": identity.code("mimo.vision.collect"),
         "versions": identity.versions(),
     }
     return identity.Digest(inputs)

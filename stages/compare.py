@@ -2,8 +2,11 @@
 
 import sys
 
-from mimo import analysis, artifact, identity, params
-from stages import console, curves, paths, provenance, store
+from mimo.record import artifact, identity
+from mimo.science import analysis
+from mimo.settings import params
+from stages.base import console, paths, provenance, store
+from stages.sweep import curves
 
 
 def main() -> None:

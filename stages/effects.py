@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mimo import artifact, effects, encoder, identity, params
-from stages import console, crew, numbers, paths, store, sweep
+from mimo.learning import effects
+from mimo.record import artifact, identity
+from mimo.settings import params
+from mimo.vision import encoder
+from stages.base import console, numbers, paths, store
+from stages.sweep import crew, sweep
 
 DIGITS = 4  # significant
 MEASURED = "effects"  # name of the one dataset, which is JSON
@@ -48,7 +52,7 @@ def digest(p: params.Params, encoder_hash: str) -> identity.Digest:
         | {name: getattr(p.effects, name) for name in ("steps", "worlds")}
         | {"seed": p.seed, "quantiles": p.outcomes.quantiles},
         "encoder": encoder_hash,
-        "code": identity.code("mimo.effects"),
+        "code": identity.code("mimo.learning.effects"),
         "versions": identity.versions(),
     }
     return identity.Digest(inputs)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mimo import artifact, encoder, identity, params, probe, streams
-from stages import console, paths, store
+from mimo.record import artifact, identity, streams
+from mimo.settings import params
+from mimo.vision import encoder, probe
+from stages.base import console, paths, store
 
 
 def main() -> None:
@@ -33,7 +35,9 @@ def made_from(p: params.Params, frames: artifact.Artifact, measured: bool = True
     inputs = {
         "params": {"seed": p.seed, "encoder": p.encoder.model_dump(), "held_out": p.collect.held_out},
         "frames": frames.content,
-        "code": identity.code("mimo.encoder", "mimo.streams", *(["mimo.probe"] if measured else [])),
+        "code": identity.code(
+            "mimo.vision.encoder", "mimo.record.streams", *(["mimo.vision.probe"] if measured else [])
+        ),
         "versions": identity.versions(),
     }
     return identity.Digest(inputs)

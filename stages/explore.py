@@ -10,8 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from mimo import analysis, artifact, body, identity, params
-from stages import console, curves, numbers, paths
+from mimo.record import artifact, identity
+from mimo.science import analysis
+from mimo.settings import params
+from mimo.world import body
+from stages.base import console, numbers, paths
+from stages.sweep import curves
 
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 LEVELS = 64**2 - 1

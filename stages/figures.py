@@ -16,10 +16,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from mimo import analysis, artifact, collect, encoder, params, scene
-from stages import console, example, origin, paths, schematics, store, taxonomy
-from stages.results import phases_of
-from stages.style import (
+from mimo.record import artifact
+from mimo.science import analysis
+from mimo.settings import params
+from mimo.vision import collect, encoder
+from mimo.world import scene
+from stages.base import console, paths, store
+from stages.drawing import example, schematics, taxonomy
+from stages.drawing.style import (
     COLOURS,
     DASHES,
     GROUND,
@@ -36,6 +40,8 @@ from stages.style import (
     page,
     picture,
 )
+from stages.page import origin
+from stages.sweep.results import phases_of
 
 PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the paper's figures 3 and 4
     ("A", "MTL, RTL and Surprise", "reward", ("all",), ("mtl", "rtl", "surprise")),
@@ -82,7 +88,7 @@ def plan(
         p: all of params.yaml.
         results: the curves.
         held: the encoder.
-        frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.collect gives them.
+        frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.vision.collect gives them.
     """
     built, roped = scene.build(p.world, p.protocol), collect.REGIMES.index(("free", True))
     own: dict[str, Callable[[], Figure]] = {

@@ -16,13 +16,19 @@ from fractions import Fraction
 import numpy as np
 from PIL import Image
 
-from mimo import artifact, encoder, params, scene
-from mimo.eye import Eye
-from mimo.protocol import phase
-from mimo.replay import replay
-from stages import console, curves, difference, origin, paths, provenance, sheet, store, video
-from stages.sheet import Sheet
-from stages.view import View
+from mimo.learning.replay import replay
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.protocol import phase
+from stages.base import console, difference, paths, provenance, store
+from stages.drawing import sheet, video
+from stages.drawing.sheet import Sheet
+from stages.drawing.view import View
+from stages.page import origin
+from stages.sweep import curves
 
 # On another class of machine contacts amplify a last bit: single steps differ, by a fifth of the path's range, but soon
 # agree again. Measured, with another libm and torch without AVX: at most .014 of a dataset's range.
@@ -138,7 +144,7 @@ def check(run: artifact.Artifact, found: Mapping[str, artifact.Dataset]) -> None
     if not provenance.foreign():
         raise console.StageError(
             f"{run.path}, replayed, is not what was recorded: {difference.first(differences)}; "
-            f"`python -m mimo.identity {run.path}` says whether code or params.yaml changed."
+            f"`python -m mimo.record.identity {run.path}` says whether code or params.yaml changed."
         )
     for name, again in found.items():
         apart = np.abs(held[name].values.astype(float) - again.values).mean() / np.ptp(held[name].values)

@@ -1,7 +1,7 @@
 """`python -m stages.report`: reports/index.html, one page that holds all it shows but the films, which lie beside it.
 
 From what other stages left in reports/, params.yaml with its comments, and requirements.lock. Its words are in
-stages/html/, captions in stages/captions.py.
+stages/page/html/, captions in stages/page/captions.py.
 """
 
 import base64
@@ -15,11 +15,15 @@ from typing import Any
 
 import jinja2
 
-from mimo import analysis, artifact, body, params
-from stages import captions, console, origin, paths, verdicts
-from stages.constants import Constant, constants
-from stages.numbers import number
-from stages.style import COLOURS, OTHER_COLOUR
+from mimo.record import artifact
+from mimo.science import analysis
+from mimo.settings import params
+from mimo.world import body
+from stages.base import console, paths
+from stages.base.numbers import number
+from stages.drawing.style import COLOURS, OTHER_COLOUR
+from stages.page import captions, origin, verdicts
+from stages.page.constants import Constant, constants
 
 HTML = Path(__file__).with_name("html")
 LOCK = Path("requirements.lock")
@@ -36,7 +40,7 @@ WINDOWS = {
 class Made:
     """What other stages left in reports/; each is the file of its name, parsed.
 
-    `origins` has stages.origin's account of the figures, then of each film.
+    `origins` has stages.page.origin's account of the figures, then of each film.
     """
 
     metrics: dict[str, Any]

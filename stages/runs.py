@@ -4,8 +4,9 @@ import json
 import sys
 from pathlib import Path
 
-from mimo import artifact, params
-from stages import console, paths, store
+from mimo.record import artifact
+from mimo.settings import params
+from stages.base import console, paths, store
 
 
 def main() -> None:

@@ -4,8 +4,9 @@ import argparse
 import shutil
 import sys
 
-from mimo import params
-from stages import console, crew, paths, sweep
+from mimo.settings import params
+from stages.base import console, paths
+from stages.sweep import crew, sweep
 
 
 def main() -> None:

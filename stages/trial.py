@@ -6,9 +6,12 @@ Nothing else depends on it: it shows, within seconds, that training from the pub
 import sys
 from pathlib import Path
 
-from mimo import artifact, encoder, params
-from stages import console, paths, preview, store
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
 from stages import encoder as training
+from stages.base import console, paths, store
+from stages.commands import preview
 
 
 def main() -> None:

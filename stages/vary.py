@@ -6,8 +6,11 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 
-from mimo import artifact, encoder, params
-from stages import console, crew, paths, scales, store, sweep
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
+from stages.base import console, paths, store
+from stages.sweep import crew, scales, sweep
 
 
 def main() -> None:

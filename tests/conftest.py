@@ -21,8 +21,8 @@ from hypothesis import HealthCheck, settings
 if TYPE_CHECKING:
     import numpy as np
 
-    from mimo.encoder import Trained
-    from mimo.params import Params
+    from mimo.settings.params import Params
+    from mimo.vision.encoder import Trained
 
 from tests import forks
 
@@ -60,7 +60,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="session")
 def tiny() -> Params:
     """The project's parameters, with ten agent steps a run and as little as will do before it."""
-    from mimo import params
+    from mimo.settings import params
 
     p = params.load()
     changes: dict[str, dict[str, object]] = {
@@ -77,8 +77,8 @@ def tiny() -> Params:
 
 @pytest.fixture(scope="session")
 def collected(tiny: Params) -> tuple[np.ndarray, np.ndarray]:
-    """Frames and the mobile's centres, as mimo.collect gives them."""
-    from mimo import collect
+    """Frames and the mobile's centres, as mimo.vision.collect gives them."""
+    from mimo.vision import collect
 
     return collect.collect(tiny)
 
@@ -92,7 +92,8 @@ def pairs(collected: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 @pytest.fixture(scope="session")
 def trained(tiny: Params, pairs: np.ndarray) -> Trained:
     """A barely trained encoder: enough, since a run's laws hold for any."""
-    from mimo import encoder, streams
+    from mimo.record import streams
+    from mimo.vision import encoder
 
     return encoder.train(tiny.encoder, pairs, streams.generator(tiny.seed, "free", 0, "encoder"))
 
@@ -100,7 +101,7 @@ def trained(tiny: Params, pairs: np.ndarray) -> Trained:
 @pytest.fixture(scope="session")
 def encoder_file(trained: Trained, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """`trained` as an artifact."""
-    from mimo import encoder
+    from mimo.vision import encoder
 
     path = tmp_path_factory.mktemp("encoder") / "encoder.h5"
     encoder.save(trained, path, "d" * 64, {})

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stages import preview
+from stages.commands import preview
 from tests import once
 from tests.faults import harness
 from tests.faults.harness import Repro

@@ -14,8 +14,8 @@ from typing import Any
 import psutil  # type: ignore[import-untyped]
 import yaml
 
-from mimo import artifact
-from stages import store
+from mimo.record import artifact
+from stages.base import store
 from tests.pipeline import project as small
 
 RUNS = 10  # of the sweep, tiny ones

@@ -11,7 +11,7 @@ import yaml
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from mimo import params
+from mimo.settings import params
 
 Keys = tuple[str | int, ...]
 Mutant = tuple[str, bytes, tuple[str, ...]]  # kind, the file, words that a refusal must have

@@ -14,12 +14,15 @@ import numpy as np
 import pytest
 from hypothesis import Phase, event, given, settings
 
-from mimo import calibrate, collect, effects, encoder, params, scene
-from mimo.encoder import Trained
-from mimo.experiment import Experiment
-from mimo.params import Params, ParamsError
-from mimo.rewards import REWARDS
-from stages import preview
+from mimo.learning import calibrate, effects
+from mimo.learning.experiment import Experiment
+from mimo.learning.rewards import REWARDS
+from mimo.settings import params
+from mimo.settings.params import Params, ParamsError
+from mimo.vision import collect, encoder
+from mimo.vision.encoder import Trained
+from mimo.world import scene
+from stages.commands import preview
 from tests.faults.mutants import MUTANTS, NUMBERS, TEXT, WHOLE, Mutant, dump
 
 Run = Callable[[Params], None]

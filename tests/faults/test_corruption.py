@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 import yaml
 
-from mimo import artifact, encoder, identity
-from mimo.encoder import Trained
-from mimo.experiment import Experiment, inputs
-from mimo.params import Params
-from stages import paths, store
+from mimo.learning.experiment import Experiment, inputs
+from mimo.record import artifact, identity
+from mimo.settings.params import Params
+from mimo.vision import encoder
+from mimo.vision.encoder import Trained
+from stages.base import paths, store
 
 ROOT = Path(__file__).resolve().parents[2]
 FLIPS, CUTS = 1000, 100

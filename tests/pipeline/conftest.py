@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stages import preview
+from stages.commands import preview
 from tests import once
 from tests.pipeline.project import done, edit
 
@@ -53,10 +53,10 @@ def _publish(top: Path) -> str:
     (project / ".dvc/.gitignore").write_text("/config.local\n/tmp\n/cache\n")
     (project / ".gitignore").write_text((project / ".gitignore").read_text() + preview.MARK + "\n")
     done(project, "git", "init", "-q", ".")
-    said = done(project, sys.executable, "-m", "stages.paper")
+    said = done(project, sys.executable, "-m", "stages.commands.paper")
     done(project, "git", "add", "-A")
     done(project, "git", "commit", "-qm", "Published")
-    done(project, sys.executable, "-m", "stages.share", "push")
+    done(project, sys.executable, "-m", "stages.commands.share", "push")
     return said
 
 

@@ -20,7 +20,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from mimo import identity
+from mimo.record import identity
 from tests import forks
 from tests.pipeline.project import edit
 
@@ -82,7 +82,8 @@ def _patch() -> None:
 
 def _share_the_scene() -> None:
     """Build the scene of params.yaml, for all forks; where an edit asks for another, that is built as ever."""
-    from mimo import params, scene
+    from mimo.settings import params
+    from mimo.world import scene
 
     def key(world: params.World, protocol: params.Protocol) -> str:
         return world.model_dump_json() + protocol.model_dump_json(exclude=LENGTHS)
@@ -118,7 +119,7 @@ def _stage(executable: str, command: str, **given: Any) -> None:
     """In place of DVC's own: the command in a fork of this process."""
     from dvc.stage.exceptions import StageCmdFailedError
 
-    from stages import console
+    from stages.base import console
 
     python, flag, module, *arguments = shlex.split(command)
     assert (python, flag) == ("python", "-m"), command

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo import params
-from mimo.params import Params, Section
-from stages import preview
+from mimo.settings import params
+from mimo.settings.params import Params, Section
+from stages.commands import preview
 from tests.pipeline.project import edit
 from tests.pipeline.test_sections import TINY, TRIAL
 
@@ -96,7 +96,7 @@ def below(key: str) -> set[str]:
 
 
 def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """A set that takes up each value that is read from now on; but mimo.params itself reads all, to check them."""
+    """A set that takes up each value that is read from now on; but mimo.settings.params itself reads all, to check them."""
     read: set[str] = set()
     known: dict[int, tuple[Section, str]] = {}  # sections, by id, and where they are in params.yaml
 
@@ -104,7 +104,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
         value = object.__getattribute__(section, name)
         itself, where = (section, "") if type(section) is Params else known.get(id(section), (None, ""))
         reader = sys._getframe(1).f_globals["__name__"]
-        if itself is not section or reader == "mimo.params":  # a variant, say, is part of a value
+        if itself is not section or reader == "mimo.settings.params":  # a variant, say, is part of a value
             pass
         elif name.startswith("model_dump"):
             read.update(below(where) if where else LEAVES)

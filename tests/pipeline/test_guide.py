@@ -18,7 +18,9 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common import env_checker
 
 from examples import sb3
-from mimo import artifact, body, params
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.world import body
 from tests.pipeline.project import digests, done, ran, repro, stored
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +86,7 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     """A comment in the learner, besides, computes nothing."""
     before, runs = stored(project), digests(project, "data/runs")
     same = digests(project, ".work/scales", "data/variants")
-    agent, rewards = project / "mimo/agent.py", project / "mimo/rewards.py"
+    agent, rewards = project / "mimo/learning/agent.py", project / "mimo/learning/rewards.py"
     agent.write_text(agent.read_text() + "\n# A comment.\n")
     (reward,) = blocks("A reward", "python")
     rewards.write_text(f"{rewards.read_text()}\n\n{reward}")
@@ -173,7 +175,7 @@ def test_the_checkers_are_content(beside: Path, reward: str) -> None:
 
 
 def test_the_bare_environment_suits_stable_baselines() -> None:
-    env = gymnasium.make("mimo.env:MIMoMobile-v0")
+    env = gymnasium.make("mimo.world.env:MIMoMobile-v0")
     env_checker.check_env(env)
     env.close()
 

@@ -1,4 +1,4 @@
-"""stages.preview --prepare-only: a small copy in its own folder; the project itself is only read."""
+"""stages.commands.preview --prepare-only: a small copy in its own folder; the project itself is only read."""
 
 import hashlib
 import os
@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mimo import params
-from stages import preview
+from mimo.settings import params
+from stages.commands import preview
 
 TOP = Path(__file__).parents[2]
 
@@ -156,7 +156,7 @@ def test_overrides_that_do_not_fit_are_refused_and_nothing_changes(overrides, se
 
 def test_the_command_prepares_the_real_project(tmp_path):
     small = tmp_path / "small"
-    command = [sys.executable, "-m", "stages.preview", "--prepare-only", "--folder", str(small)]
+    command = [sys.executable, "-m", "stages.commands.preview", "--prepare-only", "--folder", str(small)]
     done = subprocess.run(command, cwd=TOP, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"Prepared {small}.\n", "")
     assert (small / "mimo" / "params.py").is_file()

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact, identity
-from stages import catalogue, paths, store, verify
+from mimo.record import artifact, identity
+from stages import catalogue
+from stages.base import paths, store
+from stages.commands import verify
 from tests.pipeline.conftest import CELLS, GAIN
 from tests.pipeline.project import digests, done, edit, python, ran
 
@@ -26,15 +28,15 @@ pytestmark = pytest.mark.timeout(900)
 
 def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> None:
     assert not (clone / "data").exists()
-    said = python(clone, "stages.paper")
+    said = python(clone, "stages.commands.paper")
     assert said.returncode == 0, said.stderr
     assert said.stdout.splitlines()[-1] == (
         "13 artifacts, 13 of them recomputed; 13 equal the 13 published; dvc.lock and reports/ are the same bytes."
     )
     assert done(clone, "git", "status", "--porcelain") == ""
-    again = python(clone, "stages.paper").stdout.splitlines()[-1]
+    again = python(clone, "stages.commands.paper").stdout.splitlines()[-1]
     assert again.startswith("13 artifacts, 0 of them recomputed; 13 equal the 13 published;")
-    python(clone, "stages.provenance")
+    python(clone, "stages.base.provenance")
     (machine,) = json.loads((clone / paths.PUBLISHED_ON).read_text())["machines"]
     assert machine["versions"] == identity.versions()
 
@@ -42,7 +44,7 @@ def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> N
 def test_what_is_fetched_is_published_and_one_more_seed_computes_its_own_runs_alone(
     clone: Path, published: tuple[Path, str]
 ) -> None:
-    assert python(clone, "stages.share", "fetch").returncode == 0
+    assert python(clone, "stages.commands.share", "fetch").returncode == 0
     assert "Running stage" not in done(clone, "dvc", "repro")
     assert digests(clone, "data", "reports") == digests(published[0], "data", "reports")
     before = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
@@ -95,7 +97,7 @@ def drawing(project: Path, *runs: Path) -> tuple[str, ...]:
 
 def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in project.rglob("*") if path.suffix == ".h5"}
-    said = python(project, "stages.verify", "--runs", "2", "--serial")
+    said = python(project, "stages.commands.verify", "--runs", "2", "--serial")
     assert said.returncode == 0, said.stdout + said.stderr
     lines = said.stdout.splitlines()
     assert lines[-1] == "OK: 3 artifacts computed again."
@@ -106,7 +108,7 @@ def test_a_sample_computed_again_is_what_is_published(project: Path) -> None:
 
 def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> None:
     alter(project, RUN, shift)
-    said = python(project, "stages.verify", *drawing(project, RUN))
+    said = python(project, "stages.commands.verify", *drawing(project, RUN))
     assert said.returncode == 1
     assert f"{RUN}: not the published one: reward differs first at step 4, by 0.5 (" in said.stdout
     assert "data/trial.h5: the published bytes." in said.stdout
@@ -115,7 +117,7 @@ def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> Non
 
 def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path) -> None:
     """One run differs within it, another beyond."""
-    assert python(project, "stages.provenance").returncode == 0
+    assert python(project, "stages.base.provenance").returncode == 0
     found = json.loads((project / paths.PUBLISHED_ON).read_text())
     found["machines"][0]["class"] = "x86_64 AnotherVendor avx"
     (project / paths.PUBLISHED_ON).write_text(json.dumps(found))
@@ -127,7 +129,7 @@ def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path
     other = paths.run("free", "cais", 0)
     alter(project, RUN, shift)
     alter(project, other, still)
-    said = python(project, "stages.verify", *drawing(project, RUN, other))
+    said = python(project, "stages.commands.verify", *drawing(project, RUN, other))
     assert said.returncode == 1
     assert "is of another class than the published results'" in said.stdout
     told = "tolerance 0.05 of mean P(MOVE)"
@@ -138,16 +140,16 @@ def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path
 
 def test_a_sample_is_not_compared_with_what_the_tree_would_not_make(project: Path) -> None:
     edit(project, ("agent.gamma", 0.2))
-    said = python(project, "stages.verify", "--runs", "1")
+    said = python(project, "stages.commands.verify", "--runs", "1")
     assert said.returncode == 1
-    assert "asks for another run than the published one; `python -m mimo.identity data/runs/" in said.stderr
+    assert "asks for another run than the published one; `python -m mimo.record.identity data/runs/" in said.stderr
 
 
 # Identity.
 
 
 def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -> None:
-    said = python(project, "mimo.identity", str(RUN))
+    said = python(project, "mimo.record.identity", str(RUN))
     assert said.returncode == 0, said.stderr
     lines = said.stdout.splitlines()
     assert lines[-1] == "It matches the working tree."
@@ -155,15 +157,15 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
         assert expected in lines
     assert any(line.startswith("  code.mimo.agent: ") for line in lines)
     for other in ("encoder", "trial", "frames", "scales", "results", "variants"):
-        said = python(project, "mimo.identity", f"data/{other}.h5")
+        said = python(project, "mimo.record.identity", f"data/{other}.h5")
         assert said.stdout.endswith("It matches the working tree.\n"), other
     variant = paths.run("free", "cais", 0, "greedy")
-    assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "mimo.identity", str(variant)).stdout
+    assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "mimo.record.identity", str(variant)).stdout
 
     edit(project, ("agent.gamma", 0.2))
-    agent = project / "mimo/outcomes.py"
+    agent = project / "mimo/learning/outcomes.py"
     agent.write_text(agent.read_text().replace("1) / (quantiles + 1)", "1) / (quantiles + 2)"))
-    said = python(project, "mimo.identity", str(RUN))
+    said = python(project, "mimo.record.identity", str(RUN))
     assert said.returncode == 1
     heading, code, gamma = said.stdout.splitlines()[-3:]
     assert heading == "It does not match the working tree; what differs (2):"

@@ -11,10 +11,11 @@ from pathlib import Path
 import psutil  # type: ignore[import-untyped]
 import pytest
 
-from mimo import artifact
-from mimo.params import Params
-from stages import console, crew, paths, store, sweep
-from stages.schedule import Chunk, Run, Schedule
+from mimo.record import artifact
+from mimo.settings.params import Params
+from stages.base import console, paths, store
+from stages.sweep import crew, sweep
+from stages.sweep.schedule import Chunk, Run, Schedule
 
 SEEDS = 3
 CASES = {  # workers, runs a chunk, what draws the order

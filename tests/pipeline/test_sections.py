@@ -17,9 +17,10 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo import artifact
-from mimo.params import Params
-from stages import paths, preview, store
+from mimo.record import artifact
+from mimo.settings.params import Params
+from stages.base import paths, store
+from stages.commands import preview
 from tests.pipeline import quick
 from tests.pipeline.project import edit, python, ran
 

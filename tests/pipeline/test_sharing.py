@@ -48,7 +48,7 @@ def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
 
 
 def share(project: Path, *arguments: str) -> None:
-    said = python(project, "stages.share", *arguments)
+    said = python(project, "stages.commands.share", *arguments)
     assert said.returncode == 0, said.stdout + said.stderr
 
 
@@ -61,7 +61,7 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     assert digests(clone, "data", "reports") == digests(project, "data", "reports")
     before = digests(clone, "data/runs", "data/variants")
     edit(clone, ("rewards.cais.pays", "taken"))
-    refused = python(clone, "stages.share", "push")
+    refused = python(clone, "stages.commands.share", "push")
     assert refused.returncode == 1
     assert refused.stderr.splitlines()[-1].startswith("dvc.lock does not fit the files here")
     said = repro(clone)
@@ -125,7 +125,9 @@ def test_an_interrupted_push_or_fetch_is_repeated(project: Path, clone: Path, s3
 
 def killed(project: Path, what: str, reached: Callable[[], bool]) -> None:
     """`make share` or `make fetch`, and all that it started, by SIGKILL."""
-    with subprocess.Popen([sys.executable, "-m", "stages.share", what], cwd=project, start_new_session=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-m", "stages.commands.share", what], cwd=project, start_new_session=True
+    ) as process:
         while not reached():
             assert process.poll() is None
             time.sleep(0.005)

@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from mimo import artifact, body, encoder, params
-from mimo.artifact import Dataset
-from stages import analyse, claims, compare, explore, figures, numbers, paths, report, store
+from mimo.record import artifact
+from mimo.record.artifact import Dataset
+from mimo.settings import params
+from mimo.vision import encoder
+from mimo.world import body
+from stages import analyse, claims, compare, explore, figures, report
+from stages.base import numbers, paths, store
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 2
@@ -34,7 +38,7 @@ def make(tiny: params.Params, frames: np.ndarray, trained: encoder.Trained) -> N
 
     Args:
         tiny: for the frames' number and the encoder's shape.
-        frames: as mimo.collect gives them.
+        frames: as mimo.vision.collect gives them.
         trained: an encoder of that shape.
     """
     settings = yaml.safe_load((ROOT / "params.yaml").read_text())

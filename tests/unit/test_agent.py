@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from torch import Tensor, nn
 
-from mimo import params
-from mimo.agent import MOVE, NO_TORQUE, Agents, Linear, Network, policy, sarsa_target, td_error
+from mimo.learning.agent import MOVE, NO_TORQUE, Agents, Linear, Network, policy, sarsa_target, td_error
+from mimo.settings import params
 
 INPUTS, HIDDEN, JOINTS = 111, 64, 12
 SETTINGS = params.Agent(hidden=HIDDEN, learning_rate=0.001, gamma=0.1, temperature=0.3, move_bias=-0.2)

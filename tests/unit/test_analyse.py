@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo import artifact, params
-from stages import analyse, console, paths, store
+from mimo.record import artifact
+from mimo.settings import params
+from stages import analyse
+from stages.base import console, paths, store
 from tests.unit.reported import SEEDS
 
 

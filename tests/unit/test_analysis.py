@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mimo import analysis, body
+from mimo.science import analysis
+from mimo.world import body
 
 LIMBS = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
 
@@ -26,7 +27,8 @@ def record(steps: int = 4) -> dict[str, np.ndarray]:
 
 
 def test_the_constants_shared_with_modules_that_load_torch_agree():
-    from mimo import agent, encoder
+    from mimo.learning import agent
+    from mimo.vision import encoder
     from stages import analyse
 
     assert agent.MOVE == analysis.MOVE

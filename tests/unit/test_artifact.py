@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 import pytest
 
-from mimo import artifact, identity
-from mimo.artifact import Artifact, ArtifactError, Dataset
+from mimo.record import artifact, identity
+from mimo.record.artifact import Artifact, ArtifactError, Dataset
 
 DIGEST = "d" * 64
 ABOUT: dict[str, str | int | float] = {"reward": "cais", "seed": 3, "rate": 0.5, "note": "", "unit": "µm"}
@@ -213,7 +213,7 @@ def test_publishing_replaces_whole_files_and_leaves_nothing_behind(path: Path, m
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("mimo.artifact.os.fsync", full)
+    monkeypatch.setattr("mimo.record.artifact.os.fsync", full)
     with pytest.raises(ArtifactError, match=r"run\.h5 could not be written \(No space left on device\)"):
         artifact.write(path, "run", DIGEST, {})
     assert path.read_bytes() == before

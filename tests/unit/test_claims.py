@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mimo import analysis, claims, judgement
+from mimo.science import analysis, claims, judgement
 
 PHASES = analysis.phases(500, 1500, 500)
 WINDOWS = analysis.windows(PHASES)

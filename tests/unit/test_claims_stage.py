@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact, params
-from mimo.artifact import Dataset
-from stages import claims, paths, store
-from stages.results import curves_of, phases_of
+from mimo.record import artifact
+from mimo.record.artifact import Dataset
+from mimo.settings import params
+from stages import claims
+from stages.base import paths, store
+from stages.sweep.results import curves_of, phases_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ABOUT: dict[str, str | int | float] = {

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from mimo import body, calibrate, collect, rewards, scene, streams
-from mimo.encoder import Extractor, Trained
-from mimo.eye import Eye
-from mimo.params import Params
-from mimo.world import Worlds
+from mimo.learning import calibrate, rewards
+from mimo.record import streams
+from mimo.settings.params import Params
+from mimo.vision import collect
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import body, scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
 
 Collected = tuple[np.ndarray, np.ndarray]
 

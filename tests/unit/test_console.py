@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from mimo.errors import Fault
-from stages import console, paths
+from mimo.settings.errors import Fault
+from stages.base import console, paths
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def test_an_exit_passes_through() -> None:
 STAGE = """import sys
 import time
 from pathlib import Path
-from stages import console
+from stages.base import console
 
 sys.stderr = open("said", "w", buffering=1)
 

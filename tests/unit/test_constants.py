@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stages import constants, numbers, report
+from stages import report
+from stages.base import numbers
+from stages.page import constants
 
 ROOT = Path(__file__).resolve().parents[2]
 

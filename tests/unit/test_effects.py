@@ -14,14 +14,17 @@ import yaml
 from pydantic import ValidationError
 from scipy import stats
 
-from mimo import body, effects, params, scene, streams
-from mimo.effects import Sample
-from mimo.encoder import Extractor, Trained
-from mimo.eye import Eye
-from mimo.params import Params
-from mimo.world import Worlds
+from mimo.learning import effects
+from mimo.learning.effects import Sample
+from mimo.record import streams
+from mimo.settings import params
+from mimo.settings.params import Params
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import body, scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
 from stages import effects as stage
-from stages import paths, store
+from stages.base import paths, store
 
 LEVELS = np.arange(1, 50) / 50
 ATTACHED = body.attached("left_foot")

@@ -14,8 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor, nn
 
-from mimo import artifact, encoder, params
-from mimo.encoder import Extractor, Trained, UNet, cltt_loss, images, train
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
+from mimo.vision.encoder import Extractor, Trained, UNet, cltt_loss, images, train
 
 P = params.load()
 SETTINGS = P.encoder
@@ -25,7 +27,7 @@ SCRIPT = """
 import sys
 import numpy as np
 import torch
-from mimo import encoder, params
+from mimo.vision import encoder; from mimo.settings import params
 from tests.unit.test_encoder import fingerprint
 torch.manual_seed(99)  # torch's own stream must not matter
 settings = params.Encoder.model_validate_json(sys.argv[1])

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from mimo.env import MIMoMobileEnv
-from mimo.params import ParamsError
+from mimo.settings.params import ParamsError
+from mimo.world.env import MIMoMobileEnv
 
 SHORT: dict[str, Any] = {"baseline_steps": 2, "attached_steps": 3, "extinction_steps": 2}
 
 
 @pytest.fixture
 def env(request: pytest.FixtureRequest) -> Iterator[Any]:
-    made = gymnasium.make("mimo.env:MIMoMobile-v0", **SHORT, **getattr(request, "param", {}))
+    made = gymnasium.make("mimo.world.env:MIMoMobile-v0", **SHORT, **getattr(request, "param", {}))
     yield made
     made.close()
 

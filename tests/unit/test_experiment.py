@@ -12,14 +12,17 @@ import numpy as np
 import pytest
 import torch
 
-from mimo import artifact, identity, params, rewards, scene, streams
-from mimo.agent import MOVE, Agents
-from mimo.encoder import Extractor, Trained
-from mimo.experiment import Experiment, Record, RunError, Running, initial_quantiles
-from mimo.eye import Eye
-from mimo.outcomes import Outcomes
-from mimo.params import Params
-from mimo.world import DivergedError, Worlds
+from mimo.learning import rewards
+from mimo.learning.agent import MOVE, Agents
+from mimo.learning.experiment import Experiment, Record, RunError, Running, initial_quantiles
+from mimo.learning.outcomes import Outcomes
+from mimo.record import artifact, identity, streams
+from mimo.settings import params
+from mimo.settings.params import Params
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.physics import DivergedError, Worlds
 
 P = params.load()
 STEPS, ATTACHED = 10, range(3, 7)
@@ -36,7 +39,7 @@ SHAPES = {
 }
 SCRIPT = """
 import hashlib, json, sys
-from mimo import artifact, encoder, experiment, params
+from mimo.record import artifact; from mimo.vision import encoder; from mimo.learning import experiment; from mimo.settings import params
 settings = params.Params.model_validate_json(sys.argv[1])
 trained = encoder.load(artifact.read(sys.argv[2], encoder.SCHEMA))
 scales = json.loads(sys.argv[3])

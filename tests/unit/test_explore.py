@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact, body
-from stages import explore, paths, store
+from mimo.record import artifact
+from mimo.world import body
+from stages import explore
+from stages.base import paths, store
 from tests.unit.reported import SEEDS
 
 
@@ -43,9 +45,9 @@ def test_every_run_is_there_joint_by_joint_in_blocks_of_steps(project: Path) -> 
 
 
 def test_a_blocks_value_is_the_mean_of_its_steps(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mimo.analysis.window", lambda phases: 8)
+    monkeypatch.setattr("mimo.science.analysis.window", lambda phases: 8)
     written = {}
-    monkeypatch.setattr("stages.numbers.write", lambda made, path: written.update(made))
+    monkeypatch.setattr("stages.base.numbers.write", lambda made, path: written.update(made))
     explore.main()
     assert written["steps"] == [4.5, 12.5, 18.5, *np.arange(24.5, 60, 8), 64.5, 72.5, 78.5]
     run = artifact.read(paths.run("free", "cais", 1), store.RUN)

@@ -8,9 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from mimo import params, runtime, scene
-from mimo.eye import SIZE, Eye
-from mimo.world import Worlds
+from mimo.record import runtime
+from mimo.settings import params
+from mimo.world import scene
+from mimo.world.eye import SIZE, Eye
+from mimo.world.physics import Worlds
 
 P = params.load()
 SCRIPT = """

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mimo import artifact, body, collect, encoder, params, scene
-from mimo.eye import Eye
-from stages import example, portrait, schematics, style, taxonomy
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import collect, encoder
+from mimo.world import body, scene
+from mimo.world.eye import Eye
+from stages.drawing import example, portrait, schematics, style, taxonomy
 
 REGIME = collect.REGIMES.index((example.CONDITION, example.ROPE))
 

@@ -9,15 +9,19 @@ from pathlib import Path
 import numpy as np
 from matplotlib.text import Text
 
-from mimo import artifact, encoder, params
-from stages import captions, figures, origin, paths, store
+from mimo.record import artifact
+from mimo.settings import params
+from mimo.vision import encoder
+from stages import figures
+from stages.base import paths, store
+from stages.page import captions, origin
 
 ROOT = Path(__file__).resolve().parents[2]
 REDRAWN = ("fig1", "fig3", "reconstructions")  # with text, curves and images; the others take long and have the same
 REDRAW = """
 import sys
-from mimo import artifact, encoder, params
-from stages import figures, paths, store
+from mimo.record import artifact; from mimo.vision import encoder; from mimo.settings import params
+from stages import figures; from stages.base import paths, store
 results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, encoder.SCHEMA)
 plan = figures.plan(params.load(), results, held, artifact.read(paths.FRAMES, store.FRAME)["frames"])
 for name in sys.argv[1:]:

@@ -15,16 +15,22 @@ import pytest
 import torch
 from PIL import Image
 
-from mimo import analysis, artifact, experiment, params, scene
-from mimo.artifact import Artifact
-from mimo.encoder import LEVELS, Extractor, Trained, UNet
-from mimo.eye import Eye
-from mimo.params import Params
-from mimo.replay import Replay, replay
-from mimo.scene import Scene
-from stages import console, film, paths, sheet, store, video
-from stages.sheet import Sheet
-from stages.view import View
+from mimo.learning import experiment
+from mimo.learning.replay import Replay, replay
+from mimo.record import artifact
+from mimo.record.artifact import Artifact
+from mimo.science import analysis
+from mimo.settings import params
+from mimo.settings.params import Params
+from mimo.vision.encoder import LEVELS, Extractor, Trained, UNet
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.scene import Scene
+from stages import film
+from stages.base import console, paths, store
+from stages.drawing import sheet, video
+from stages.drawing.sheet import Sheet
+from stages.drawing.view import View
 
 ROOT = Path(__file__).parents[2]
 RECORDED = ("centre_of_mass", "path_length", "latent_length")

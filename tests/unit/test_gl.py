@@ -1,4 +1,4 @@
-"""stages.gl on the real machine: it draws; where the drivers are hidden, one sentence says what to install."""
+"""stages.commands.gl on the real machine: it draws; where the drivers are hidden, one sentence says what to install."""
 
 import os
 import subprocess
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stages import gl
+from stages.commands import gl
 
 TOP = Path(__file__).parents[2]
 NO_DRIVER = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "MUJOCO_GL": "egl"}
@@ -15,7 +15,7 @@ NO_DRIVER = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "MUJOCO_GL": "egl
 
 def run_gl(folder: Path, *arguments: str, **changes: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "stages.gl", *arguments],
+        [sys.executable, "-m", "stages.commands.gl", *arguments],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(TOP)} | changes,
         capture_output=True,

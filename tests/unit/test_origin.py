@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from mimo import artifact, identity
-from mimo.artifact import Dataset
-from stages import console, origin
+from mimo.record import artifact, identity
+from mimo.record.artifact import Dataset
+from stages.base import console
+from stages.page import origin
 
 TARGET = Path("reports/drawn.json")
 DATA = Path("data/all.h5")

@@ -8,8 +8,8 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from mimo import params
-from mimo.outcomes import CONDITIONAL, MARGINAL, Outcomes, taus
+from mimo.learning.outcomes import CONDITIONAL, MARGINAL, Outcomes, taus
+from mimo.settings import params
 
 JOINTS, LATENT, QUANTILES = 12, 64, 49
 

@@ -11,7 +11,7 @@ from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.select import Select
 from selenium.webdriver.support.wait import WebDriverWait
 
-from stages import paths
+from stages.base import paths
 
 ROOT = Path(__file__).resolve().parents[2]
 QUIET = (

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from mimo import params
+from mimo.settings import params
 
 SHIPPED = Path(__file__).parents[2] / "params.yaml"
 WHOLE: dict[str, Any] = yaml.safe_load(SHIPPED.read_text())

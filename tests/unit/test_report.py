@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from mimo import body, params
-from stages import captions, console, numbers, paths, report, verdicts
-from stages.constants import Constant
+from mimo.settings import params
+from mimo.world import body
+from stages import report
+from stages.base import console, numbers, paths
+from stages.page import captions, verdicts
+from stages.page.constants import Constant
 from tests.unit.reported import LENGTHS
 
 VOID = {"meta", "br", "img", "input"}

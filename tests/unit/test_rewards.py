@@ -6,8 +6,9 @@ import sys
 import pytest
 import torch
 
-from mimo import params, rewards
-from mimo.rewards import REWARDS, Reward, Transition, UnknownRewardError
+from mimo.learning import rewards
+from mimo.learning.rewards import REWARDS, Reward, Transition, UnknownRewardError
+from mimo.settings import params
 
 JOINTS, LATENT = 12, 64
 
@@ -117,5 +118,5 @@ def test_a_name_that_cannot_be_used_is_refused(name: str, fault: str) -> None:
 
 
 def test_names_load_without_torch() -> None:
-    code = "import sys, mimo.rewards, mimo.params; sys.exit('torch' in sys.modules)"
+    code = "import sys, mimo.learning.rewards, mimo.settings.params; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from mimo import identity, params, streams
-from mimo.encoder import Trained
-from mimo.experiment import Experiment, inputs
-from mimo.params import Params
+from mimo.learning.experiment import Experiment, inputs
+from mimo.record import identity, streams
+from mimo.settings import params
+from mimo.settings.params import Params
+from mimo.vision.encoder import Trained
 
 P = params.load()
 ALL = ("mtl", "rtl", "cais", "surprise", "mtl_surprise", "rtl_surprise", "cais_surprise")
@@ -129,8 +130,14 @@ def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, floa
     assert identity.canonical(made)
     assert (made["condition"], made["reward"], made["seed"], made["encoder"]) == ("noisy", "cais_surprise", 3, "e")
     assert made["scales"] == {"cais": scales["cais"], "surprise": scales["surprise"]}
-    assert {"mimo.experiment", "mimo.world", "mimo.body", "mimo.rewards", "mimo.encoder"} <= set(made["code"])
+    assert {
+        "mimo.learning.experiment",
+        "mimo.world.physics",
+        "mimo.world.body",
+        "mimo.learning.rewards",
+        "mimo.vision.encoder",
+    } <= set(made["code"])
     assert made["versions"] == identity.versions()
     mtl = inputs(P, "noisy", "mtl", 3, "e", scales)
-    assert mtl["code"]["mimo.rewards"] != made["code"]["mimo.rewards"]
-    assert mtl["code"]["mimo.agent"] == made["code"]["mimo.agent"]
+    assert mtl["code"]["mimo.learning.rewards"] != made["code"]["mimo.learning.rewards"]
+    assert mtl["code"]["mimo.learning.agent"] == made["code"]["mimo.learning.agent"]

@@ -1,4 +1,4 @@
-"""mimo.runtime: MuJoCo draws without screen or variable, whatever is loaded later, and in forks."""
+"""mimo.record.runtime: MuJoCo draws without screen or variable, whatever is loaded later, and in forks."""
 
 import importlib.util
 import os
@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from mimo import runtime
+from mimo.record import runtime
 
 ROOT = Path(__file__).parents[2]
 TRITON = ROOT / ".venv/triton"  # `make .venv/triton`
 SCREEN = ("MUJOCO_GL", "LP_NUM_THREADS", "DISPLAY", "WAYLAND_DISPLAY")
 DRAW = """
 import numpy as np
-from mimo import params, scene
-from mimo.eye import Eye
+from mimo.settings import params; from mimo.world import scene
+from mimo.world.eye import Eye
 p = params.load()
 built = scene.build(p.world, p.protocol)
 eye = Eye(built)
@@ -28,7 +28,7 @@ torch.optim.AdamW([torch.zeros(1, requires_grad=True)])
 """
 VECTOR = """
 import gymnasium
-envs = gymnasium.make_vec("mimo.env:MIMoMobile-v0", num_envs=2, vectorization_mode="async")
+envs = gymnasium.make_vec("mimo.world.env:MIMoMobile-v0", num_envs=2, vectorization_mode="async")
 seen, _ = envs.reset(seed=0)
 assert seen["vision"].shape == (2, 128, 128, 3) and seen["vision"].any(axis=(1, 2, 3)).all()
 assert envs.step(envs.action_space.sample())[0]["vision"].any()
@@ -36,7 +36,7 @@ envs.close()
 """
 FORKED = """
 from stable_baselines3.common.vec_env import SubprocVecEnv
-from mimo.env import MIMoMobileEnv
+from mimo.world.env import MIMoMobileEnv
 own = MIMoMobileEnv()
 seen = own.reset(seed=0)[0]["vision"]
 envs = SubprocVecEnv([MIMoMobileEnv, MIMoMobileEnv], start_method="fork")
@@ -80,7 +80,7 @@ def test_where_nothing_can_be_drawn_a_sentence_says_what_to_do(
     done = run(f"{before}\n{DRAW}", **variables)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("mimo.runtime.RenderError: Pictures cannot be drawn off screen (")
+    assert last.startswith("mimo.record.runtime.RenderError: Pictures cannot be drawn off screen (")
     assert last.endswith(f": {advice}")
 
 
@@ -96,7 +96,10 @@ def test_torch_after_a_picture_does_not_end_the_process() -> None:
 def test_there_is_one_way_to_a_renderer() -> None:
     files = [path for top in ("mimo", "stages", "examples", "benchmarks") for path in (ROOT / top).rglob("*.py")]
     made = {str(path.relative_to(ROOT)) for path in files if "mujoco.Renderer(" in path.read_text()}
-    assert made == {"mimo/runtime.py", "stages/gl.py"}  # the latter's is in a process that draws and ends
+    assert made == {
+        "mimo/record/runtime.py",
+        "stages/commands/gl.py",
+    }  # the latter's is in a process that draws and ends
     assert runtime.BEFORE_GL == ("triton",)
 
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.schedule import Chunk, Run, Schedule
+from stages.sweep.schedule import Chunk, Run, Schedule
 
 CELLS = st.tuples(
     st.sampled_from(["free", "noisy"]), st.sampled_from(["mtl", "rtl", "cais", "surprise", "mtl_surprise"])

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact
-from stages import paths, store
+from mimo.record import artifact
+from stages.base import paths, store
 
 ONE, OTHER = "1" * 64, "2" * 64
 TARGET = Path("data/scales.h5")

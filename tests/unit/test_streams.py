@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mimo import streams
+from mimo.record import streams
 
 ROOT = 20260
 KEYS = st.tuples(st.integers(0, 2**32), st.sampled_from(streams.CONDITIONS), st.integers(0, 10**6),

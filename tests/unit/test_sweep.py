@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mimo import artifact, experiment, identity
-from mimo.encoder import SCHEMA, Trained
-from mimo.params import Params
-from stages import console, crew, paths, store, sweep
-from stages.schedule import Chunk, Run
-from stages.sweep import Grid, Job
+from mimo.learning import experiment
+from mimo.record import artifact, identity
+from mimo.settings.params import Params
+from mimo.vision.encoder import SCHEMA, Trained
+from stages.base import console, paths, store
+from stages.sweep import crew, sweep
+from stages.sweep.schedule import Chunk, Run
+from stages.sweep.sweep import Grid, Job
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stages import verdicts
+from stages.page import verdicts
 
 TEST = {"seeds": [0.1, 0.3], "effect": 0.2, "interval": [0.1, 0.3], "region": [0.05, None]}
 

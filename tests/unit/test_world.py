@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from mimo import body, params, scene
-from mimo.world import DivergedError, Worlds
+from mimo.settings import params
+from mimo.world import body, scene
+from mimo.world.physics import DivergedError, Worlds
 
 P = params.load()
 

@@ -1,0 +1,263 @@
+"""One run of the paper's experiment (§2): an agent, a reward, a condition, a seed; 2500 steps through three phases.
+
+Several seeds run in lock step, for speed alone: a run's bytes are the same in any company.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mimo.learning import rewards
+from mimo.learning.agent import JOINTS, MOVE, Agents
+from mimo.learning.outcomes import Outcomes, taus
+from mimo.record import identity, streams
+from mimo.record.artifact import Dataset
+from mimo.settings.errors import Fault
+from mimo.settings.params import Params
+from mimo.vision.encoder import LEVELS, Extractor, Trained
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
+from mimo.world.protocol import phase, steps
+
+Record = dict[str, Dataset]
+
+
+class RunError(Fault):
+    """A run came to nothing; the message names condition, reward, seed and step."""
+
+
+def inputs(
+    params: Params, condition: str, reward: str, seed: int, encoder: str, scales: Mapping[str, float]
+) -> dict[str, Any]:
+    """All that a run's bytes depend on; identity.digest of it names the run.
+
+    Args:
+        params: all of params.yaml; only what the run reads counts.
+        condition: free or noisy.
+        reward: its name, or several joined by "_".
+        seed: seed index.
+        encoder: content hash of the encoder.
+        scales: each reward's scale; only those of the run's parts count, and none if `rewards.scale` is running.
+    """
+    parts = reward.split("_")
+    read: dict[str, Any] = {
+        "seed": params.seed,
+        "protocol": params.protocol.model_dump(),
+        "world": params.world.model_dump(),
+        "condition": getattr(params.conditions, condition).model_dump(),
+        "encoder": {name: getattr(params.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")},
+        "agent": params.agent.model_dump(),
+        "rewards": {"gain": params.rewards.gain, "scale": params.rewards.scale}
+        | {part: own.model_dump() for part in parts if (own := getattr(params.rewards, part, None))},
+    }
+    if rewards.needs_outcomes(reward):
+        read["outcomes"] = params.outcomes.model_dump()
+    return {
+        "params": read,
+        "condition": condition,
+        "reward": reward,
+        "seed": seed,
+        "encoder": encoder,
+        "scales": {part: scales[part] for part in parts} if params.rewards.scale == "resting" else {},
+        "code": identity.code("mimo.learning.experiment", rewards=parts),
+        "versions": identity.versions(),
+    }
+
+
+def initial_quantiles(settings: Params, trained: Trained) -> Tensor:
+    """(latent, quantiles) where every outcome model starts: h's marginal quantiles over the encoder's frames."""
+    levels = taus(settings.outcomes.quantiles).numpy()
+    start = np.stack([np.interp(levels, LEVELS, row) for row in trained.quantiles])
+    return torch.from_numpy(start.astype(np.float32))
+
+
+class Running:
+    """Standardises one reward of N seeds by its mean and SD so far, over steps and joints, each seed by its own.
+
+    Chan, Golub & LeVeque's update (1979), in float64.
+    """
+
+    def __init__(self, seeds: int) -> None:
+        self._count = 0
+        self._mean, self._squares = np.zeros((2, seeds))  # squares: sum of squared distances from the mean
+
+    def __call__(self, values: Tensor) -> Tensor:
+        """Take in a step's values and standardise them; the mean and SD are those with this step.
+
+        Args:
+            values: (N, 12), in the reward's own units.
+
+        Returns:
+            (N, 12) float32, in SDs from the mean; 0 as long as all values are equal.
+        """
+        rows = np.ascontiguousarray(values.numpy(), np.float64)
+        old, new = self._count, rows.shape[1]
+        self._count += new
+        # Row by row, since a sum over a stack may take another order in another stack.
+        ahead = np.array([row.mean() for row in rows]) - self._mean
+        self._mean += ahead * new / self._count
+        self._squares += np.array([row.var() for row in rows]) * new + ahead**2 * old * new / self._count
+        deviation = np.sqrt(self._squares / self._count)[:, None]
+        deviation[deviation == 0] = np.inf
+        return torch.from_numpy((rows - self._mean[:, None]) / deviation).float()
+
+
+class Experiment:
+    """Some seeds of one condition and reward, in lock step.
+
+    Args:
+        params: all of params.yaml.
+        condition: free or noisy.
+        reward: a reward's name, or several joined by "_".
+        seeds: seed indices.
+        trained: the encoder.
+        scales: by reward name, the SD by which it is divided; not read if `rewards.scale` is running.
+    """
+
+    def __init__(
+        self,
+        params: Params,
+        condition: str,
+        reward: str,
+        seeds: Sequence[int],
+        trained: Trained,
+        scales: Mapping[str, float],
+    ) -> None:
+        torch.set_num_threads(1)
+        self.params, self.condition, self.reward, self.seeds = params, condition, reward, tuple(seeds)
+
+        def generators(purpose: str) -> list[np.random.Generator]:
+            return [streams.generator(params.seed, condition, seed, purpose) for seed in seeds]
+
+        built = scene.build(params.world, params.protocol)
+        self.worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
+        self.eye = Eye(built)
+        self.extractor = Extractor(params.encoder, trained)
+        self.parts = rewards.parts(reward, params.rewards)
+        gain, running = params.rewards.gain, params.rewards.scale == "running"
+        self._gains = [gain if running else gain / scales[part.name] for part in self.parts]
+        self._running = [Running(len(self.seeds)) for _ in self.parts] if running else None
+        self._direction, self._policy = generators("direction"), generators("policy")
+        self.latent = self.extractor(self.eye.frames(self.worlds.qpos))
+        self.state = self._state(self.worlds.proprioception())
+        self.agents = Agents(params.agent, self.state.shape[1], generators("weights"))
+        self.outcomes = None
+        if rewards.needs_outcomes(reward):
+            self.outcomes = Outcomes(params.outcomes, initial_quantiles(params, trained), generators("memory"))
+        self.log = _Log(len(self.seeds), steps(params.protocol))
+
+    def run(self, progress: Callable[[int], None] = lambda done: None) -> list[Record]:
+        """All steps of all phases.
+
+        Args:
+            progress: called with the number of agent steps done by each seed.
+
+        Returns:
+            One record a seed: what artifact.write takes.
+
+        Raises:
+            RunError: physics diverged or a number is not finite.
+        """
+        with self.eye:
+            for step in range(steps(self.params.protocol)):
+                try:
+                    self.step(step)
+                except (ArithmeticError, RuntimeError) as fault:
+                    raise RunError(f"{self._name()} stopped at step {step + 1}: {fault}") from fault
+                progress(step + 1)
+        return self.log.records()
+
+    def step(self, step: int) -> None:
+        """One agent step, counted from 0 (paper §2.3, fig. 1B)."""
+        values = self.agents.values(self.state)
+        probability = self.agents.move_probability(values)
+        chance = np.stack([generator.random(JOINTS) for generator in self._policy])
+        positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
+        moved = chance < probability.numpy()
+        outcome = self.worlds.step(self.worlds.torque(moved, positive), phase(self.params.protocol, step) == "attached")
+        latent = self.extractor(self.eye.frames(self.worlds.qpos))
+        action = torch.from_numpy(moved)
+        transition = rewards.Transition(
+            path_length=torch.from_numpy(outcome.path_length).float(),
+            latent_before=self.latent,
+            latent=latent,
+            action=action,
+            influence=self.outcomes.influence() if self.outcomes else None,
+            expectation=self.outcomes.expectation(action) if self.outcomes else None,
+        )
+        parts = [part(transition) for part in self.parts]
+        scaled = parts
+        if self._running:
+            scaled = [running(part) for running, part in zip(self._running, parts, strict=True)]
+        reward = torch.stack([gain * part for gain, part in zip(self._gains, scaled, strict=True)]).sum(dim=0)
+        before, self.latent = self.state, latent
+        self.state = self._state(outcome.proprioception)
+        error = self.agents.update(before, action, reward, self.state)
+        if not bool(torch.isfinite(error).all()):
+            bad = [seed for seed, row in zip(self.seeds, error, strict=True) if not bool(torch.isfinite(row).all())]
+            raise FloatingPointError(f"the TD error of seed {bad[0]} is not finite")
+        if self.outcomes:
+            self.outcomes.update(action, latent)
+        entry: dict[str, np.ndarray | Tensor] = {
+            "action": moved,
+            "positive": positive,
+            "centre_of_mass": outcome.centre_of_mass,
+            "path_length": outcome.path_length,
+            "latent_length": (latent - transition.latent_before).square().sum(-1).sqrt(),
+            "q": values,
+            "move_probability": probability,
+            "reward": reward,
+        }
+        entry |= {f"part/{part.name}": raw for part, raw in zip(self.parts, parts, strict=True)}
+        if transition.influence is not None:
+            entry["influence"] = transition.influence[..., MOVE]
+        self.log.add(step, entry)
+
+    def _state(self, proprioception: np.ndarray) -> Tensor:
+        """(N, 47 + latent): joint angles in rad, then h (paper §3.2)."""
+        return torch.cat([torch.from_numpy(proprioception).float(), self.latent], dim=1)
+
+    def _name(self) -> str:
+        which = f"seed {self.seeds[0]}" if len(self.seeds) == 1 else f"seeds {', '.join(map(str, self.seeds))}"
+        return f"{self.condition}, {self.reward}, {which}"
+
+
+class _Log:
+    """What is kept of every step; arrays are made on first sight, (seed, step, ...)."""
+
+    MEANING: ClassVar = {  # units, axes
+        "action": ("1 = MOVE", "step, joint"),
+        "positive": ("1 = towards the upper torque limit", "step, joint"),
+        "centre_of_mass": ("m", "step, xyz"),
+        "path_length": ("m", "step"),
+        "latent_length": ("h", "step"),
+        "q": ("scaled reward", "step, joint, action"),
+        "move_probability": ("1", "step, joint"),
+        "reward": ("scaled reward", "step, joint"),
+        "influence": ("h", "step, joint"),
+    }
+
+    def __init__(self, seeds: int, steps: int) -> None:
+        self._shape = (seeds, steps)
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def add(self, step: int, entry: Mapping[str, np.ndarray | Tensor]) -> None:
+        for name, given in entry.items():
+            value = np.asarray(given)
+            if name not in self._arrays:
+                dtype = np.uint8 if value.dtype == bool else np.float32
+                self._arrays[name] = np.zeros((*self._shape, *value.shape[1:]), dtype)
+            self._arrays[name][:, step] = value
+
+    def records(self) -> list[Record]:
+        return [
+            {
+                name: Dataset(values[seed], *self.MEANING.get(name, ("own units", "step, joint")))
+                for name, values in self._arrays.items()
+            }
+            for seed in range(self._shape[0])
+        ]

@@ -1,0 +1,83 @@
+"""A run lived through again: its recorded actions in the real world, without policy, rewards and learning."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from mimo.record import streams
+from mimo.record.artifact import Artifact, Dataset
+from mimo.settings.params import Params
+from mimo.vision.encoder import Extractor
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
+from mimo.world.protocol import phase
+from mimo.world.scene import Scene
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of a run's actions.
+
+    Attributes:
+        record: `centre_of_mass`, `path_length`, `latent_length`: what runs record of world and eye, as they do.
+        positions: (updates, nq) by step, for those shown: generalised positions in m and rad after each update.
+    """
+
+    record: dict[str, Dataset]
+    positions: dict[int, np.ndarray]
+
+
+def replay(
+    p: Params,
+    run: Artifact,
+    scene: Scene,
+    eye: Eye,
+    extractor: Extractor,
+    shown: Collection[int],
+    progress: Callable[[int], None] = lambda done: None,
+) -> Replay:
+    """Repeat a run from its first step to the last that is shown.
+
+    Args:
+        p: what the run was made with.
+        run: its record.
+        scene: as `p` has it.
+        eye: of that scene.
+        extractor: the run's.
+        shown: steps, counted from 0, of which every physics update is kept.
+        progress: called with the number of steps done.
+
+    Raises:
+        DivergedError: the physics diverged.
+    """
+    torch.set_num_threads(1)
+    condition, seed = str(run.about["condition"]), int(run.about["seed"])
+    noise = streams.generator(p.seed, condition, seed, "noise")
+    worlds = Worlds(scene, p.protocol, getattr(p.conditions, condition).force, [noise])
+    latent = extractor(eye.frames(worlds.qpos))
+    found: dict[str, list[np.ndarray]] = {"centre_of_mass": [], "path_length": [], "latent_length": []}
+    positions = {}
+    for step in range(max(shown) + 1):
+        moved, positive = (run[name][step : step + 1].astype(bool) for name in ("action", "positive"))
+        control = worlds.control(worlds.torque(moved, positive))
+        # One update at a time gives the same numbers; the run's record is what shows it.
+        pieces = np.split(control, control.shape[1], axis=1) if step in shown else [control]
+        lengths, track = [], []
+        for piece in pieces:
+            outcome = worlds.advance(piece, phase(p.protocol, step) == "attached")
+            lengths.append(outcome.path_length)
+            track.append(worlds.qpos[0])
+        if step in shown:
+            positions[step] = np.stack(track)
+        before, latent = latent, extractor(eye.frames(worlds.qpos))
+        found["centre_of_mass"].append(outcome.centre_of_mass[0])
+        found["path_length"].append(np.stack(lengths, axis=1).sum(axis=1)[0])
+        found["latent_length"].append((latent - before).square().sum(-1).sqrt().numpy()[0])
+        progress(step + 1)
+    record = {
+        name: Dataset(np.array(values, np.float32), run.datasets[name].units, run.datasets[name].axes)
+        for name, values in found.items()
+    }
+    return Replay(record, positions)

@@ -1,0 +1,55 @@
+"""Frames for the encoder: the resting policy in both conditions, detached and attached (paper §3.2)."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mimo.record import streams
+from mimo.settings.params import Agent, Params
+from mimo.world import scene
+from mimo.world.eye import SIZE, Eye
+from mimo.world.physics import Worlds
+
+REGIMES = tuple((condition, attached) for condition in streams.CONDITIONS for attached in (False, True))
+
+
+def resting_probability(settings: Agent) -> float:
+    """P(MOVE) of the policy that has learned nothing: both Q are 0, the bias decides (paper §3.6)."""
+    return float(1.0 / (1.0 + np.exp(-settings.move_bias / settings.temperature)))
+
+
+def collect(params: Params, progress: Callable[[int], None] = lambda steps: None) -> tuple[np.ndarray, np.ndarray]:
+    """Frame pairs `pair_updates` apart, at the end of every agent step.
+
+    Args:
+        params: all of params.yaml.
+        progress: called with the number of agent steps done, over all worlds.
+
+    Returns:
+        frames: (regime, world, step, 2, 128, 128, 3) uint8, regimes in the order of REGIMES.
+        centres: (regime, world, step, 2, 3) m, the mobile's centre of mass in each frame.
+    """
+    settings = params.collect
+    shape = (len(REGIMES), settings.worlds, settings.steps, 2)
+    frames = np.empty((*shape, SIZE, SIZE, 3), np.uint8)
+    centres = np.empty((*shape, 3))
+    built = scene.build(params.world, params.protocol)
+    with Eye(built) as eye:
+        for index, (condition, attached) in enumerate(REGIMES):
+            draws, noise = (
+                [
+                    streams.generator(params.seed, condition, 2 * world + attached, purpose)
+                    for world in range(settings.worlds)
+                ]
+                for purpose in ("collect", "collect_noise")
+            )
+            worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
+            for step in range(settings.steps):
+                chance = np.stack([draw.random((2, 12)) for draw in draws], axis=1)
+                action = chance[0] < resting_probability(params.agent)
+                control = worlds.control(worlds.torque(action, chance[1] < 0.5))
+                for frame, part in enumerate(np.split(control, [len(control[0]) - settings.pair_updates], axis=1)):
+                    centres[index, :, step, frame] = worlds.advance(part, attached).centre_of_mass
+                    frames[index, :, step, frame] = eye.frames(worlds.qpos)
+                progress((index * settings.steps + step + 1) * settings.worlds)
+    return frames, centres

@@ -1,0 +1,217 @@
+"""The visual encoder (paper §3.2, appendix): U-Net, projector, CLTT loss, training, and the frozen extractor of h."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from mimo.record import artifact
+from mimo.settings import params
+
+SCHEMA = "encoder"
+BOTTLENECK = 8  # pixels a side after four halvings of 128
+LEVELS = np.arange(1, 100) / 100.0  # probabilities at which the marginal quantiles of h are kept
+THREADS = 2  # fixed, not the machine's: sums over frames depend on it
+
+
+class UNet(nn.Module):
+    """Four layers down, four up, each convolution, InstanceNorm, GELU and a sampling operator; skip connections.
+
+    The bottleneck (width x 8 x 8) passes through `latent` numbers, h: the decoder sees no more of it than the agent.
+    """
+
+    def __init__(self, settings: params.Encoder) -> None:
+        super().__init__()
+        w1, w2, w3, w4 = settings.widths
+        self.flat = w4 * BOTTLENECK**2
+        self.down = nn.ModuleList(_layer(i, o) for i, o in ((3, w1), (w1, w2), (w2, w3), (w3, w4)))
+        self.up = nn.ModuleList(_layer(i, o) for i, o in ((w4, w4), (2 * w4, w3), (2 * w3, w2), (2 * w2, w1)))
+        self.squeeze = nn.Linear(self.flat, settings.latent)
+        self.expand = nn.Linear(settings.latent, self.flat)
+        self.head = nn.Conv2d(2 * w1, 3, 3, padding=1)
+        self.projector = nn.Sequential(
+            nn.Linear(settings.latent, settings.projection),
+            nn.GELU(),
+            nn.Linear(settings.projection, settings.projection),
+        )
+
+    def encode(self, images: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """Images (N, 3, 128, 128) in [0, 1] to h (N, latent) and the four skip connections, finest first."""
+        skips = []
+        for layer in self.down:
+            images = layer(images)
+            skips.append(images)
+            images = F.avg_pool2d(images, 2)
+        return self.squeeze(images.flatten(1)), skips
+
+    def decode(self, latent: Tensor, skips: list[Tensor]) -> Tensor:
+        """H (N, latent) and skips to images (N, 3, 128, 128) in [0, 1]."""
+        x = self.expand(latent).view(len(latent), -1, BOTTLENECK, BOTTLENECK)
+        for layer, skip in zip(self.up, reversed(skips), strict=True):
+            x = torch.cat([F.interpolate(layer(x), scale_factor=2.0), skip], dim=1)
+        return torch.sigmoid(self.head(x))
+
+    def project(self, latent: Tensor) -> Tensor:
+        """H (N, latent) to the space of the CLTT loss (N, projection)."""
+        projected: Tensor = self.projector(latent)
+        return projected
+
+
+def _layer(inputs: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(nn.Conv2d(inputs, outputs, 3, padding=1), nn.InstanceNorm2d(outputs, affine=True), nn.GELU())
+
+
+def cltt_loss(first: Tensor, second: Tensor, tau: float) -> Tensor:
+    """Contrastive learning through time: NT-Xent over adjacent frames, mean over both frames of all pairs.
+
+    The paper's equation (eq. cltt) divides the whole denominator by tau and leaves the positive out of it; this is the
+    standard form it refers to: every similarity over tau, the sum over all frames but the anchor itself.
+
+    Args:
+        first: (pairs, d) projections of the first frame of each pair.
+        second: (pairs, d) of the second.
+        tau: softmax temperature.
+    """
+    z = F.normalize(torch.cat([first, second]), dim=1)
+    similarity = (z @ z.T / tau).fill_diagonal_(-torch.inf)
+    pairs = len(first)
+    positive = torch.cat([torch.arange(pairs, 2 * pairs), torch.arange(pairs)])
+    return F.cross_entropy(similarity, positive)
+
+
+def images(frames: np.ndarray) -> Tensor:
+    """Frames (..., 128, 128, 3) uint8 to images (N, 3, 128, 128) float32 in [0, 1]."""
+    flat = frames.reshape(-1, *frames.shape[-3:])
+    return torch.from_numpy(flat).permute(0, 3, 1, 2).float().div_(255.0)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained encoder.
+
+    Attributes:
+        weights: every tensor of the U-Net by name.
+        mean, sd: (latent,) of raw h over the training frames.
+        quantiles: (latent, 99) of the scaled h over the training frames, at LEVELS.
+        reconstruction, cltt: (iterations,) losses of each training batch.
+    """
+
+    weights: dict[str, np.ndarray]
+    mean: np.ndarray
+    sd: np.ndarray
+    quantiles: np.ndarray
+    reconstruction: np.ndarray
+    cltt: np.ndarray
+
+
+def train(
+    settings: params.Encoder,
+    pairs: np.ndarray,
+    generator: np.random.Generator,
+    progress: Callable[[int], None] = lambda iteration: None,
+) -> Trained:
+    """Train U-Net and projector on frame pairs (paper §3.2): reconstruction plus weighted CLTT loss, AdamW.
+
+    The first frame of each pair is reconstructed; both are contrasted.
+
+    Args:
+        settings: `encoder` of params.yaml.
+        pairs: (pairs, 2, 128, 128, 3) uint8 frames.
+        generator: draws initial weights and batches.
+        progress: called with the number of iterations done.
+
+    Raises:
+        FloatingPointError: a loss is not finite; names the iteration.
+    """
+    torch.set_num_threads(THREADS)
+    torch.manual_seed(int(generator.integers(2**31)))
+    net = UNet(settings)
+    optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate)
+    curves = np.empty((settings.iterations, 2), np.float32)
+    for iteration in range(settings.iterations):
+        chosen = generator.choice(len(pairs), size=min(settings.pairs, len(pairs)), replace=False)
+        first, second = (images(pairs[chosen, frame]) for frame in (0, 1))
+        latent, skips = net.encode(first)
+        reconstruction = F.mse_loss(net.decode(latent, skips), first)
+        cltt = cltt_loss(net.project(latent), net.project(net.encode(second)[0]), settings.tau)
+        curves[iteration] = reconstruction.item(), cltt.item()
+        if not np.isfinite(curves[iteration]).all():
+            raise FloatingPointError(f"encoder training: the loss is not finite at iteration {iteration}")
+        optimiser.zero_grad()
+        torch.autograd.backward(reconstruction + settings.cltt_weight * cltt)
+        optimiser.step()
+        progress(iteration + 1)
+    weights = {name: tensor.detach().numpy().copy() for name, tensor in net.state_dict().items()}
+    torch.set_num_threads(1)
+    with torch.inference_mode():
+        raw = _raw(_frozen(settings, weights), pairs.reshape(-1, *pairs.shape[2:])).numpy()
+    mean, sd = raw.mean(axis=0), raw.std(axis=0)
+    scaled = (raw - mean) / sd * settings.latent_sd
+    quantiles = np.quantile(scaled, LEVELS, axis=0).T.astype(np.float32)
+    return Trained(weights, mean, sd, np.ascontiguousarray(quantiles), curves[:, 0].copy(), curves[:, 1].copy())
+
+
+def _frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet:
+    net = UNet(settings)
+    net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
+    net.eval().requires_grad_(False)
+    return net
+
+
+def _raw(net: UNet, frames: np.ndarray) -> Tensor:
+    return torch.cat([net.encode(images(frame))[0] for frame in frames])
+
+
+def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str, float]) -> str:
+    """Write a trained encoder with what was measured of it; returns the content hash (see artifact.write)."""
+    datasets = {f"weights/{name}": artifact.Dataset(value, "1", "") for name, value in trained.weights.items()}
+    datasets |= {
+        "latent/mean": artifact.Dataset(trained.mean, "1", "dimension"),
+        "latent/sd": artifact.Dataset(trained.sd, "1", "dimension"),
+        "latent/quantiles": artifact.Dataset(trained.quantiles, "SD", "dimension, level"),
+        "curves/reconstruction": artifact.Dataset(trained.reconstruction, "squared intensity", "iteration"),
+        "curves/cltt": artifact.Dataset(trained.cltt, "nat", "iteration"),
+    }
+    datasets |= {f"measures/{name}": artifact.Dataset(np.array(value), "1", "") for name, value in measures.items()}
+    return artifact.write(path, SCHEMA, digest, datasets)
+
+
+def load(held: artifact.Artifact) -> Trained:
+    """The encoder that an artifact of schema SCHEMA holds."""
+    start = "weights/"
+    weights = {name[len(start) :]: held[name] for name in held.datasets if name.startswith(start)}
+    return Trained(
+        weights,
+        held["latent/mean"],
+        held["latent/sd"],
+        held["latent/quantiles"],
+        held["curves/reconstruction"],
+        held["curves/cltt"],
+    )
+
+
+class Extractor:
+    """The frozen encoder: pictures to h, each dimension centred and scaled to SD `latent_sd` over the training frames.
+
+    Frames pass one at a time, so that a frame's h is the same bytes in whatever company it comes.
+    """
+
+    def __init__(self, settings: params.Encoder, trained: Trained) -> None:
+        self.net = _frozen(settings, trained.weights)
+        self._mean = torch.from_numpy(trained.mean)
+        self._gain = settings.latent_sd / torch.from_numpy(trained.sd)
+
+    def __call__(self, frames: np.ndarray) -> Tensor:
+        """(N, 128, 128, 3) uint8 frames to h (N, latent) float32."""
+        with torch.inference_mode():
+            return (_raw(self.net, frames) - self._mean).mul_(self._gain)
+
+    def reconstruct(self, frames: np.ndarray) -> np.ndarray:
+        """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise."""
+        with torch.inference_mode():
+            decoded = torch.cat([self.net.decode(*self.net.encode(images(frame))) for frame in frames])
+        return decoded.mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()

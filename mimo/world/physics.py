@@ -1,0 +1,142 @@
+"""Worlds in lock step: one C call advances every world by one agent step (paper §2.3).
+
+A world's numbers depend on its own generator alone, never on how many worlds share the call.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from mimo.settings.errors import Fault
+from mimo.settings.params import Protocol
+from mimo.world import body
+from mimo.world.scene import Scene
+
+
+class DivergedError(Fault, RuntimeError):
+    """A world's physics diverged; the message names the world."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What N worlds show at the end of some updates.
+
+    Attributes:
+        proprioception: (N, 47) joint angles in rad, in the order of body.JOINTS.
+        path_length: (N,) m travelled by the mobile's centre of mass (paper §3.3, MTL).
+        centre_of_mass: (N, 3) of the mobile at the end, m.
+    """
+
+    proprioception: np.ndarray
+    path_length: np.ndarray
+    centre_of_mass: np.ndarray
+
+
+class Worlds:
+    """N worlds of one scene under one condition.
+
+    Args:
+        scene: the compiled scene.
+        protocol: timing.
+        force: N, applied to the mobile in a fresh random direction at every update (paper §2.4); 0 for none.
+        noise: one generator a world, for the force's directions.
+    """
+
+    def __init__(self, scene: Scene, protocol: Protocol, force: float, noise: Sequence[np.random.Generator]) -> None:
+        self.scene = scene
+        self.size = len(noise)
+        self._protocol, self._force, self._noise = protocol, force, noise
+        self._batch = batch.Batch(scene.model, nsim=self.size, nthread=1)
+        self._qpos = self._batch.bind("qpos")
+        self._time = self._batch.bind("time")
+        self._rope = self._batch.expand("tendon_stiffness")
+        self._batch.reset(keyframe=0)
+        rest = self._batch.get_data(0)
+        mujoco.mj_forward(scene.model, rest)
+        self._centre = np.tile(rest.subtree_com[scene.mobile], (self.size, 1))
+        self._inputs = int(mujoco.mjtState.mjSTATE_CTRL)
+        if force:
+            self._inputs |= int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+        self._columns = mujoco.mj_stateSize(scene.model, self._inputs)
+
+    @property
+    def qpos(self) -> np.ndarray:
+        """(N, nq) generalised positions, m and rad; a copy."""
+        qpos: np.ndarray = self._qpos.copy()
+        return qpos
+
+    @property
+    def centre_of_mass(self) -> np.ndarray:
+        """(N, 3) of the mobile, m; a copy."""
+        return self._centre.copy()
+
+    def proprioception(self) -> np.ndarray:
+        """(N, 47) joint angles in rad, in the order of body.JOINTS; the fixed 15 are 0."""
+        angles = np.zeros((self.size, len(body.JOINTS)))
+        angles[:, body.FIXED :] = self._qpos[:, self.scene.limb_joints]
+        return angles
+
+    def torque(self, action: np.ndarray, positive: np.ndarray) -> np.ndarray:
+        """Full torque in a random direction where a joint moves (paper §2.2, fig. 1D).
+
+        Args:
+            action: (N, 12) bool, MOVE or not.
+            positive: (N, 12) bool, the direction.
+
+        Returns:
+            (N, 12) N m for body.ACTUATED.
+        """
+        lowest, highest = self.scene.model.actuator_ctrlrange.T
+        return np.where(action, np.where(positive, highest, lowest), 0.0)
+
+    def step(self, torque: np.ndarray, attached: bool) -> Outcome:
+        """One agent step: `torque` for `torque_updates` updates, then rest (paper §2.3).
+
+        Args:
+            torque: (N, 12) N m for body.ACTUATED.
+            attached: whether the rope is on.
+
+        Raises:
+            DivergedError: a world's physics diverged.
+        """
+        return self.advance(self.control(torque), attached)
+
+    def control(self, torque: np.ndarray) -> np.ndarray:
+        """(N, updates_per_step, columns) inputs of one agent step: torques, and the noise of every update."""
+        protocol = self._protocol
+        control = np.zeros((self.size, protocol.updates_per_step, self._columns))
+        control[:, : protocol.torque_updates, : torque.shape[1]] = torque[:, None]
+        if self._force:
+            first = torque.shape[1] + 6 * self.scene.mobile
+            for world, generator in enumerate(self._noise):
+                direction = generator.standard_normal((protocol.updates_per_step, 3))
+                direction *= self._force / np.linalg.norm(direction, axis=1, keepdims=True)
+                control[world, :, first : first + 3] = direction
+        return control
+
+    def advance(self, control: np.ndarray, attached: bool) -> Outcome:
+        """As many updates as `control` (N, updates, columns) holds.
+
+        Raises:
+            DivergedError: a world's physics diverged.
+        """
+        self._rope[:] = self.scene.rope_stiffness if attached else 0.0
+        due = self._time + control.shape[1] * self._protocol.timestep
+        record = self._batch.rollout(
+            nstep=control.shape[1], control=control, control_spec=self._inputs, record=("subtree_com",)
+        )
+        track = record["subtree_com"][:, :, self.scene.mobile]
+        self._check(due, track)
+        moves = np.diff(np.concatenate([self._centre[:, None], track], axis=1), axis=1)
+        self._centre = track[:, -1].copy()
+        return Outcome(self.proprioception(), np.linalg.norm(moves, axis=2).sum(axis=1), self._centre)
+
+    def _check(self, due: np.ndarray, track: np.ndarray) -> None:
+        """MuJoCo resets a diverged world and stops stepping it: its clock then falls behind."""
+        finite = np.isfinite(self._qpos).all(axis=1) & np.isfinite(track).all(axis=(1, 2))
+        failed = np.flatnonzero(~finite | (np.abs(self._time - due) > self._protocol.timestep / 2))
+        if failed.size:
+            raise DivergedError(f"the physics of world {failed[0]} of {self.size} diverged (of all: {failed.tolist()})")

@@ -1,0 +1,169 @@
+"""The MIMo-Mobile scene: infant supine in a crib, mobile overhead, rope from a limb through a ring to the mobile.
+
+World frame: x towards the feet, y to the infant's left, z up; the mattress is z = 0. The paper leaves mobile,
+suspension and rope open: their constants are `params.World`, each with its reason.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mimo.settings.params import Protocol, World
+from mimo.world import body
+
+HIP_HEIGHT = 0.065  # m; the head's back then touches the mattress
+SUPINE = (0.7071067811865476, 0.0, -0.7071067811865476, 0.0)  # chest up, head towards -x
+SETTLE_UPDATES = 4000  # 20 s: the shoulders creep for long
+
+SEEN, UNSEEN = 0, 1  # geom groups: what the right eye can see, and the rest
+ARMS = ("upper_arm", "lower_arm", "hand", "fingers")
+
+LIMB_ENDS = {
+    "foot": (0.0, 0.0, 0.0),
+    "hand": (0.0, 0.0, 0.0),
+}  # where the rope is tied, in that body's frame: ankle, wrist
+TOYS = (  # place on the cross m, colour; unlike each other, so that the picture tells how the mobile hangs
+    ((0.05, 0.0), (0.9, 0.1, 0.1, 1.0)),
+    ((0.0, 0.05), (0.1, 0.8, 0.2, 1.0)),
+    ((-0.05, 0.0), (0.15, 0.3, 1.0, 1.0)),
+    ((0.0, -0.05), (1.0, 0.85, 0.1, 1.0)),
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A compiled scene.
+
+    Attributes:
+        model: the model; keyframe 0 is the infant at rest; the tendon `rope` is slack (stiffness 0) until attached.
+        mobile: body id of the mobile.
+        rope: tendon id of the rope.
+        limb_joints: (32,) qpos addresses of body.JOINTS[15:], in that order.
+        rope_stiffness: N/m when attached.
+    """
+
+    model: mujoco.MjModel
+    mobile: int
+    rope: int
+    limb_joints: np.ndarray
+    rope_stiffness: float
+
+
+def build(world: World, protocol: Protocol) -> Scene:
+    """Compile the scene for the protocol's limb: settle the infant, put the ring at the limb's resting end."""
+    spec = _spec(world, protocol)
+    rest = _settle(spec.compile())
+    end = rest.site("limb").xpos.copy()
+    spec.site("ring").pos = end
+    length = float(np.linalg.norm(rest.site("mobile").xpos - end))
+    spec.tendon("rope").springlength = (0.0, length + world.rope_slack)
+    spec.add_key(name="rest", qpos=rest.qpos)
+    model = spec.compile()
+    addresses = np.array([model.joint(name).qposadr[0] for name in body.JOINTS[body.FIXED :]])
+    return Scene(model, model.body("mobile").id, model.tendon("rope").id, addresses, world.rope_stiffness)
+
+
+def _spec(world: World, protocol: Protocol) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = protocol.timestep
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    spec.option.iterations = 50
+    spec.option.tolerance = 1e-10
+    spec.default.geom.solref = (0.005, 1.0)
+    spec.default.geom.solimp = (0.95, 0.99, 0.001, 0.5, 1.0)
+    spec.worldbody.add_light(
+        name="lamp", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=(0.3, 0.2, 1.0), diffuse=(0.5, 0.5, 0.5)
+    )
+    body.add_to(spec, (0.0, 0.0, HIP_HEIGHT), SUPINE)
+    _add_crib(spec)
+    _add_mobile(spec, world)
+    side, end = protocol.limb.split("_")
+    spec.body(f"{side}_{end}").add_site(name="limb", pos=LIMB_ENDS[end], group=UNSEEN)
+    spec.worldbody.add_site(name="ring", group=UNSEEN)
+    rope = spec.add_tendon(name="rope", stiffness=0.0, width=0.002, rgba=(0.9, 0.1, 0.1, 1.0), group=UNSEEN)
+    for site in ("limb", "ring", "mobile"):
+        rope.wrap_site(site)
+    for geom in spec.geoms:
+        arm = any(part in geom.parent.name for part in ARMS)
+        geom.group = SEEN if arm or geom.parent.name == "mobile" else UNSEEN
+    return spec
+
+
+def _add_crib(spec: mujoco.MjSpec) -> None:
+    """Mattress (solid) and rails (to be looked at: no limb reaches them)."""
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    spec.worldbody.add_geom(
+        name="mattress", type=box, size=(0.6, 0.36, 0.05), pos=(-0.05, 0, -0.05), rgba=(0.85, 0.88, 0.95, 1)
+    )
+    wood = (0.72, 0.53, 0.33, 1.0)
+    for y in (-0.38, 0.38):
+        for z in (-0.08, 0.32):
+            spec.worldbody.add_geom(
+                type=box, size=(0.62, 0.012, 0.02), pos=(-0.05, y, z), rgba=wood, contype=0, conaffinity=0
+            )
+        for x in np.linspace(-0.65, 0.55, 13):
+            spec.worldbody.add_geom(
+                type=box, size=(0.008, 0.008, 0.19), pos=(x, y, 0.12), rgba=wood, contype=0, conaffinity=0
+            )
+
+
+def _add_mobile(spec: mujoco.MjSpec, world: World) -> None:
+    """A cross of four toys on a rod; a damped spring on its ball joint stands for the suspension."""
+    eye = _eye_place()
+    pivot = eye + np.array([world.mobile_forward, 0.0, world.mobile_height + world.rod_length])
+    mobile = spec.worldbody.add_body(name="mobile", pos=pivot)
+    lever = world.rod_length**2  # N/m at the mobile to N m/rad at the pivot
+    mobile.add_joint(
+        name="suspension",
+        type=mujoco.mjtJoint.mjJNT_BALL,
+        stiffness=world.suspension_stiffness * lever,
+        damping=world.suspension_drag * lever,
+    )
+    look = {"contype": 0, "conaffinity": 0}
+    wood, down = (0.75, 0.6, 0.4, 1.0), -world.rod_length
+    mobile.add_geom(
+        name="rod",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=(0, 0, 0, 0, 0, down),
+        size=(0.003, 0, 0),
+        mass=0,
+        rgba=wood,
+        **look,
+    )
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    mobile.add_geom(name="beam_x", type=box, size=(0.05, 0.004, 0.004), pos=(0, 0, down), mass=0, rgba=wood, **look)
+    mobile.add_geom(name="beam_y", type=box, size=(0.004, 0.05, 0.004), pos=(0, 0, down), mass=0, rgba=wood, **look)
+    for index, ((x, y), colour) in enumerate(TOYS):
+        mobile.add_geom(
+            name=f"toy{index}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE if index % 2 else box,
+            size=(0.018, 0.018, 0.018),
+            pos=(x, y, down),
+            mass=world.mobile_mass / len(TOYS),
+            rgba=colour,
+            **look,
+        )
+    mobile.add_site(name="mobile", pos=(0, 0, down), group=UNSEEN)
+
+
+def _eye_place() -> np.ndarray:
+    """(3,) world position of the right eye's camera, m."""
+    spec = mujoco.MjSpec()
+    body.add_to(spec, (0.0, 0.0, HIP_HEIGHT), SUPINE)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    place: np.ndarray = data.camera("right_eye").xpos.copy()
+    return place
+
+
+def _settle(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    for _ in range(SETTLE_UPDATES):
+        mujoco.mj_step(model, data)
+    return data

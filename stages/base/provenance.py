@@ -1,0 +1,123 @@
+"""Where and when artifacts were made: what depends on the machine, and so enters no artifact and no report.
+
+Each artifact that is computed adds a line to .work/provenance.jsonl. `python -m stages.base.provenance` (`make publish`)
+writes reports/published-on.json from the lines of the published artifacts, for readers and for stages.commands.verify.
+"""
+
+import functools
+import json
+import os
+import platform
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from mimo.record import artifact, identity
+from stages.base import console, paths
+
+# Instructions by which numpy, torch, MKL, glibc, Mesa choose kernels; sums and exponentials may differ.
+CHOOSING = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512bw", "avx512dq", "avx512vl", "amx_tile", "asimd", "sve")
+
+
+def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
+    """Remember that the artifact was computed now, on the machine `where` or (None) on this one."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    line = {"schema": schema, "digest": digest, "at": now} | (where or machine())
+    paths.PROVENANCE.parent.mkdir(exist_ok=True)
+    # One write to a file opened for appending; a line begins anew even where the one before was cut short.
+    with paths.PROVENANCE.open("ab", buffering=0) as file:
+        file.write(f"\n{json.dumps(line)}".encode())
+
+
+def lines(start: int = 0) -> list[dict[str, Any]]:
+    """What was noted from byte `start` on; a line that was cut short is passed over."""
+    if not paths.PROVENANCE.exists():
+        return []
+    found = []
+    for line in paths.PROVENANCE.read_bytes()[start:].decode(errors="replace").splitlines():
+        try:
+            found.append(json.loads(line))
+        except ValueError:
+            continue
+    return found
+
+
+@functools.cache
+def machine() -> dict[str, Any]:
+    """The machine and its software, as far as they decide bits or time."""
+    drawn = paths.RENDERER.read_text().strip() if paths.RENDERER.exists() else "unknown"
+    return {
+        "class": cpu_class(),
+        "cpu": _cpuinfo().get("model name", platform.processor()),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}, {'-'.join(platform.libc_ver())}",
+        "python": platform.python_version(),
+        "renderer": drawn,
+        "versions": identity.versions(),
+        "builds": {name: identity.build(distribution) for name, distribution in identity.LIBRARIES.items()},
+    }
+
+
+def cpu_class() -> str:
+    """Vendor and instructions: machines that agree in it and in the libraries' versions are to give the same bytes."""
+    info = _cpuinfo()
+    flags = set((info.get("flags") or info.get("Features", "")).split())
+    return " ".join(
+        [platform.machine(), info.get("vendor_id", "unknown"), *(name for name in CHOOSING if name in flags)]
+    )
+
+
+def foreign() -> str:
+    """How this machine's class differs from the published results', in words; empty if not, or if none is known."""
+    if not paths.PUBLISHED_ON.exists():
+        return ""
+    here = machine()
+    machines = json.loads(paths.PUBLISHED_ON.read_text())["machines"]
+    if any(all(other[key] == here[key] for key in ("class", "versions")) for other in machines):
+        return ""
+    return (
+        f"This machine ({here['class']}; {here['versions']}) is of another class than the published results' "
+        f"({'; '.join(str((other['class'], other['versions'])) for other in machines)})"
+    )
+
+
+@functools.cache
+def _cpuinfo() -> dict[str, str]:
+    """The first processor's entries in /proc/cpuinfo; empty where there is none."""
+    path = Path("/proc/cpuinfo")
+    first = path.read_text().split("\n\n")[0] if path.exists() else ""
+    return {
+        key.strip(): value.strip()
+        for key, colon, value in (line.partition(":") for line in first.splitlines())
+        if colon
+    }
+
+
+def publish() -> None:
+    """Say on which machines, and from when to when, the published artifacts were made."""
+    published = {entry["digest"]: entry["schema"] for entry in json.loads(paths.ARTIFACTS.read_text()).values()}
+    known = [line for line in lines() if line["digest"] in published]
+    missing = published.keys() - {line["digest"] for line in known}
+    if missing:
+        raise console.StageError(
+            f"{len(missing)} of {len(published)} published artifacts were not computed in this folder; "
+            "run `make publish` where they were, and copy reports/published-on.json."
+        )
+    last = {line["digest"]: line for line in known}  # the last time each was computed
+    machines: list[dict[str, Any]] = []
+    for line in last.values():
+        own = {key: line.get(key) for key in machine()}
+        if own not in machines:
+            machines.append(own)
+    made: dict[str, dict[str, Any]] = {}
+    for line in sorted(last.values(), key=lambda line: line["at"]):
+        entry = made.setdefault(line["schema"], {"artifacts": 0, "first": line["at"]})
+        entry["artifacts"] += 1
+        entry["last"] = line["at"]
+    text = json.dumps({"machines": machines, "made": made}, indent=2)
+    artifact.publish(f"{text}\n".encode(), paths.PUBLISHED_ON)
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(publish))

@@ -1,0 +1,90 @@
+"""`python -m stages.commands.gl`: can this machine draw without a screen? With `--install`, make it so (Debian, as root)."""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+
+from mimo.record.runtime import PACKAGES
+from stages.base import paths
+
+LOG = paths.STORE / "gl.log"
+SECONDS = 120  # a first picture takes 2 s; a machine this slow is a broken one
+
+# A real picture, by the way the eye takes: the renderer, the off-screen buffer, the pixels.
+PROBE = """
+import mujoco
+from OpenGL.GL import GL_RENDERER, GL_VERSION, glGetString
+model = mujoco.MjModel.from_xml_string(
+    '<mujoco><visual><quality shadowsize="0" offsamples="0"/></visual>'
+    '<worldbody><light pos="0 0 3"/><geom type="plane" size="1 1 .1"/></worldbody></mujoco>'
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 16, 16) as renderer:
+    renderer.update_scene(data)
+    assert renderer.render().any(), "the picture is black"
+    print(*(glGetString(name).decode() for name in (GL_RENDERER, GL_VERSION)), sep=", ")
+"""
+
+
+def draws() -> bool:
+    """Draw a 16x16 picture; what draws goes to paths.RENDERER, a traceback to LOG.
+
+    In a process of its own: a GL library that was missing at import stays missing there, even once it is installed.
+    """
+    command = [sys.executable, "-c", PROBE]
+    try:
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=SECONDS)
+    except subprocess.TimeoutExpired:
+        _log(f"no picture within {SECONDS} s\n")
+        return False
+    if done.returncode:
+        _log(done.stderr)
+        return False
+    paths.RENDERER.parent.mkdir(exist_ok=True)
+    paths.RENDERER.write_text(done.stdout.splitlines()[-1] + "\n")
+    return True
+
+
+def install() -> bool:
+    """Install PACKAGES by apt-get; what it says goes to LOG."""
+    environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
+    for arguments in (["update"], ["install", "-y", "--no-install-recommends", *PACKAGES]):
+        done = subprocess.run(
+            ["apt-get", "-q", *arguments], check=False, env=environment, capture_output=True, text=True
+        )
+        if done.returncode:
+            _log(done.stdout + done.stderr)
+            return False
+    return True
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Check, install if asked and needed, check again; the exit code is 0 if pictures can be drawn."""
+    parser = argparse.ArgumentParser(prog="python -m stages.commands.gl", description=__doc__)
+    parser.add_argument("--install", action="store_true", help="as root on Debian: install what is missing")
+    wanted = parser.parse_args(arguments).install
+    platform = os.environ["MUJOCO_GL"]
+    if draws():
+        return 0
+    advice = f"as root run `apt-get install {' '.join(PACKAGES)}`."
+    if platform != "egl":
+        advice = f"unset MUJOCO_GL (it is {platform!r}) to use EGL."
+    elif wanted and os.geteuid() == 0 and shutil.which("apt-get"):
+        print(f"Installing {' and '.join(PACKAGES)} for off-screen rendering.", flush=True)
+        if install() and draws():
+            return 0
+        advice = f"{' and '.join(PACKAGES)} could not be installed or did not help."
+    print(f"Pictures cannot be drawn without a screen (see {LOG}): {advice}", file=sys.stderr)
+    return 1
+
+
+def _log(text: str) -> None:
+    LOG.parent.mkdir(exist_ok=True)
+    LOG.write_text(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

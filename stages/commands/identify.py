@@ -1,0 +1,156 @@
+"""`python -m mimo.record.identity ARTIFACT`: all that an artifact depends on, and whether the working tree would make it so.
+
+The exit code is 0 if it matches the tree, 1 if it does not; then the inputs that changed are named.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from mimo.learning import experiment
+from mimo.record import artifact, identity
+from mimo.settings import params
+from mimo.settings.errors import Fault
+from mimo.settings.params import Params
+from mimo.vision import encoder
+from stages import collect, effects, trial
+from stages import encoder as training
+from stages.base import console, paths, store
+from stages.sweep import scales, sweep
+
+Inputs = Mapping[str, Any]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print what the artifact was made from, then how the working tree differs."""
+    parser = argparse.ArgumentParser(prog="python -m mimo.record.identity", description=__doc__)
+    parser.add_argument("artifact", type=Path, help="an HDF5 file of this project, under data/ or .work/")
+    try:
+        return identify(parser.parse_args(arguments).artifact)
+    except Fault as fault:
+        print(fault, file=sys.stderr)
+        return 1
+
+
+def identify(path: Path) -> int:
+    """Print the file's inputs and whether they still hold; 0 if they do.
+
+    Raises:
+        Fault: the file or params.yaml cannot be trusted, or the file does not say what it was made from.
+    """
+    held = artifact.read(path, artifact.schema(path))
+    if held.inputs is None:
+        raise console.StageError(f"{path} does not say what it was made from; run `dvc repro`.")
+    own = dict(flat(held.inputs))
+    print(f"{path}: {held.schema}, digest {held.digest}, content {held.content}")
+    for key, value in own.items():
+        print(f"  {key}: {value}")
+    known = TREE.get(held.schema)
+    if known is None:
+        raise console.StageError(f"{path} is of a kind ({held.schema}) that is not compared with the working tree.")
+    trees = [dict(flat(inputs)) for inputs in known(held, path, params.load())]
+    changes = min(([*changed(own, tree)] for tree in trees), key=len)
+    if not changes:
+        print("It matches the working tree.")
+        return 0
+    print(f"It does not match the working tree; what differs ({len(changes)}):")
+    print(*(f"  {change}" for change in changes), sep="\n")
+    return 1
+
+
+def flat(inputs: Inputs, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Every leaf with its dotted key, but for a module's name, which has dots of its own."""
+    for key, value in inputs.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", list(value) if isinstance(value, tuple) else value
+
+
+def changed(own: Inputs, tree: Inputs) -> Iterator[str]:
+    """A line for each input that differs between the file and the working tree."""
+    for key in sorted(own.keys() | tree.keys()):
+        if key not in tree:
+            yield f"{key}: {own[key]} in the file, no input any more"
+        elif key not in own:
+            yield f"{key}: {tree[key]} in the working tree, no input of the file"
+        elif identity.canonical(own[key]) != identity.canonical(tree[key]):
+            yield f"{key}: {own[key]} in the file, {tree[key]} in the working tree"
+
+
+def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    """As the paper's own run or as a variant's: the one that its place names, or, in the store, any."""
+    assert held.inputs is not None
+    sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
+    parts = path.resolve().parts
+    variants = {"": p} | {name: params.varied(p, name) for name in p.sweeps.variants}
+    if paths.VARIANTS.name in parts:
+        name = parts[len(parts) - 1 - parts[::-1].index(paths.VARIANTS.name) + 1]
+        if name not in variants:
+            raise console.StageError(f"{path} is of the variant {name!r}, which params.yaml has no more.")
+        variants = {name: variants[name]}
+    elif paths.STORE.name not in parts:
+        variants = {"": p}
+    for name, own in variants.items():
+        digest = scales.digest(own, sight)
+        place = store.place(store.SCALE, digest) if name else paths.SCALES
+        # A variant's scales may not have been measured here: then the file's are taken for right.
+        found = sweep.scales(place) if place.exists() else held.inputs["scales"]
+        cell = str(held.about["condition"]), str(held.about["reward"]), int(held.about["seed"])
+        yield experiment.inputs(own, *cell, sight, found)
+
+
+def _scales(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
+    for own in (p, *(params.varied(p, name) for name in p.sweeps.variants)):
+        yield scales.digest(own, sight).inputs
+
+
+def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
+    for own in (p, *(params.changed(p, values) for values in p.effects.alternatives.values())):
+        yield effects.digest(own, sight).inputs
+
+
+def _frames(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    yield collect.made_from(p).inputs
+
+
+def _encoders(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    frames = artifact.read(paths.FRAMES, store.FRAME)
+    yield training.made_from(p, frames).inputs
+    yield training.made_from(trial.settings(p), frames, measured=False).inputs
+
+
+def _curves(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
+    """Of results: the runs as they lie in data/."""
+    assert held.inputs is not None
+    listed = held.inputs["runs"]
+    nested = {"": listed} if held.schema == store.RESULTS else listed
+    found: dict[str, dict[str, str]] = {
+        variant: {
+            name: artifact.content(place) if (place := paths.run(*cell(name), variant)).exists() else "missing"
+            for name in runs
+        }
+        for variant, runs in nested.items()
+    }
+    yield {**held.inputs, "runs": found[""] if held.schema == store.RESULTS else found}
+
+
+def cell(name: str) -> tuple[str, str, int]:
+    """Condition, reward and seed of a run named `condition/reward/seed`."""
+    condition, reward, seed = name.split("/")
+    return condition, reward, int(seed)
+
+
+TREE: dict[str, Callable[[artifact.Artifact, Path, Params], Iterator[Inputs]]] = {
+    store.RUN: _runs,
+    store.SCALE: _scales,
+    store.EFFECT: _effects,
+    store.FRAME: _frames,
+    encoder.SCHEMA: _encoders,
+    store.RESULTS: _curves,
+    store.VARIANTS: _curves,
+}

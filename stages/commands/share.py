@@ -1,0 +1,56 @@
+"""`make share`, `make fetch`: results to a DVC remote, and from it.
+
+What travels is what dvc.lock lists, and DVC's run cache: the results by what they were made from. Code, params.yaml,
+dvc.lock and reports/ travel by git.
+"""
+
+import argparse
+import sys
+
+from stages.base import console, dvc
+
+REMOTE = "shared"
+
+
+def main() -> None:
+    """Push or fetch, as the command line says."""
+    parser = argparse.ArgumentParser(prog="python -m stages.commands.share", description=__doc__)
+    parser.add_argument("what", choices=["push", "fetch"])
+    parser.add_argument(
+        "remote", nargs="?", help="folder or URL (s3://…, ssh://…), kept in .dvc/config.local; default: DVC's own"
+    )
+    given = parser.parse_args()
+    if given.remote:
+        _dvc("remote", "add", "--local", "--force", "--default", REMOTE, given.remote)
+    if given.what == "push":
+        push()
+    else:
+        fetch()
+
+
+def push() -> None:
+    """Send this tree's results.
+
+    Raises:
+        console.StageError: dvc.lock is not what the tree gives, so others could not tell what they get; or DVC fails.
+    """
+    if dvc.run(["status", "--quiet"]):
+        raise console.StageError(
+            "dvc.lock does not fit the files here (`dvc status` says where); run `dvc repro` first."
+        )
+    _dvc("push", "--run-cache")  # of the run cache's results only those that dvc.lock lists
+
+
+def fetch() -> None:
+    """Get the results that dvc.lock lists, and the run cache, by which `dvc repro --pull` finds others' results."""
+    _dvc("fetch", "--run-cache")
+    _dvc("checkout")
+
+
+def _dvc(*arguments: str) -> None:
+    if dvc.run([*arguments]):
+        raise console.StageError(f"`dvc {' '.join(arguments)}` failed; what has arrived stays, so run it again.")
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

@@ -1,0 +1,130 @@
+"""One agent step with all that its rewards are computed from: real frames, real physics, models that learned from both.
+
+The step is one of those whose frames mimo.vision.collect recorded for the encoder, under the resting policy. Its actions are
+drawn again, its physics computed again, update by update; the frame at its end is the recorded one, byte for byte.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mimo.learning import rewards
+from mimo.learning.experiment import initial_quantiles
+from mimo.learning.outcomes import Outcomes, taus
+from mimo.record import artifact, streams
+from mimo.settings import params
+from mimo.vision import collect, encoder
+from mimo.world import body
+from mimo.world.physics import Worlds
+from mimo.world.scene import Scene
+
+CONDITION, ROPE = "noisy", True  # where rewards differ most, and there is an influence to find
+
+
+@dataclass(frozen=True)
+class Example:
+    """An agent step of one world.
+
+    Attributes:
+        step: which of the world's, from 0.
+        learned: transitions that the outcome models have learned from.
+        frames: (2, 128, 128, 3) uint8, what the eye saw at the step's start and at its end.
+        path: (updates + 1, 3) m, the mobile's centre of mass at the start and after every update.
+        transition: what the rewards are computed from, of one seed.
+        conditional: (12, 2, latent, quantiles), the tables of p(h|a).
+        marginal: (latent, quantiles), the table of p(h).
+        levels: (quantiles,), at which the tables are.
+        rewards: (12,) by reward's name, in its own units.
+    """
+
+    step: int
+    learned: int
+    frames: np.ndarray
+    path: np.ndarray
+    transition: rewards.Transition
+    conditional: np.ndarray
+    marginal: np.ndarray
+    levels: np.ndarray
+    rewards: dict[str, np.ndarray]
+
+
+def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: Scene) -> Example:
+    """The first step of world 0 in which the attached limb moves with most of its joints.
+
+    The outcome models have then learned from every other world and from this one's earlier steps, in that order.
+
+    Args:
+        p: the params that the frames were collected under.
+        held: the encoder.
+        frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.vision.collect gives them.
+        built: the scene.
+    """
+    torch.set_num_threads(1)  # the same sums on every machine
+    own = frames[collect.REGIMES.index((CONDITION, ROPE))]
+    chance = np.stack([_draws(p, world, own.shape[1]) for world in range(len(own))])
+    moved, positive = chance[:, :, 0] < collect.resting_probability(p.agent), chance[:, :, 1] < 0.5
+    limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
+    step = 1 + int(limb.argmax())  # the first has no frame before it
+    trained = encoder.load(held)
+    extract = encoder.Extractor(p.encoder, trained)
+    memory = streams.generator(p.seed, CONDITION, 0, "memory")
+    outcomes = Outcomes(p.outcomes, initial_quantiles(p, trained), [memory])
+    ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
+    ends += [(0, end) for end in range(step)]
+    latent = torch.empty(0)
+    for world, end in ends:
+        latent = extract(own[world, end, 1:])
+        outcomes.update(torch.from_numpy(moved[world, end : end + 1]), latent)
+    path = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1])
+    action = torch.from_numpy(moved[:1, step])
+    transition = rewards.Transition(
+        path_length=torch.from_numpy(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)).float(),
+        latent_before=latent,
+        latent=extract(own[0, step, 1:]),
+        action=action,
+        influence=outcomes.influence(),
+        expectation=outcomes.expectation(action),
+    )
+    return Example(
+        step=step,
+        learned=len(ends),
+        frames=own[0, [step - 1, step], 1],
+        path=path,
+        transition=transition,
+        conditional=outcomes.conditional[0].numpy(),
+        marginal=outcomes.marginal[0].numpy(),
+        levels=taus(p.outcomes.quantiles).numpy(),
+        rewards={name: _values(kind(p.rewards)(transition)) for name, kind in rewards.REWARDS.items()},
+    )
+
+
+def _draws(p: params.Params, world: int, steps: int) -> np.ndarray:
+    """(steps, 2, 12): what mimo.vision.collect compares with P(MOVE), and with the chance of a positive direction."""
+    generator = streams.generator(p.seed, CONDITION, 2 * world + ROPE, "collect")
+    return np.stack([generator.random((2, len(body.ACTUATED))) for _ in range(steps)])
+
+
+def _path(p: params.Params, built: Scene, moved: np.ndarray, positive: np.ndarray) -> np.ndarray:
+    """World 0 from its start on; of its last step the mobile's place after every update.
+
+    Args:
+        p: see `take`.
+        built: the scene.
+        moved: (1, steps, 12) bool.
+        positive: (1, steps, 12) bool, the torques' directions.
+    """
+    noise = streams.generator(p.seed, CONDITION, int(ROPE), "collect_noise")
+    worlds = Worlds(built, p.protocol, getattr(p.conditions, CONDITION).force, [noise])
+    *before, last = (worlds.torque(moved[:, step], positive[:, step]) for step in range(moved.shape[1]))
+    for torque in before:
+        worlds.step(torque, ROPE)
+    control, path = worlds.control(last), [worlds.centre_of_mass]
+    path += [worlds.advance(update, ROPE).centre_of_mass for update in np.split(control, control.shape[1], axis=1)]
+    return np.concatenate(path)
+
+
+def _values(reward: Tensor) -> np.ndarray:
+    values: np.ndarray = reward[0].numpy().copy()
+    return values

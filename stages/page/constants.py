@@ -1,0 +1,57 @@
+"""params.yaml as a table: every constant, its value, whether it is the paper's or ours, and why."""
+
+import re
+from dataclasses import dataclass
+
+import yaml
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A line of params.yaml; `source` is paper, ours, or both."""
+
+    key: str
+    value: str
+    source: str
+    comment: str
+
+
+def constants(text: str) -> list[Constant]:
+    """Every constant of params.yaml with the comment on its line, every variant with what it asks.
+
+    Args:
+        text: params.yaml.
+    """
+    root = yaml.compose(text)
+    assert root is not None  # mimo.settings.params has checked the file
+    return _constants(root, text.splitlines(), ())
+
+
+def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> list[Constant]:
+    found = []
+    assert isinstance(node, yaml.MappingNode)
+    for key, value in node.value:
+        name = (*above, key.value)
+        if above == ("sweeps", "variants"):
+            own = {part.value: node for part, node in value.value}
+            text = ", ".join(f"{changed.value}: {_text(node)}" for changed, node in own["set"].value)
+            found.append(Constant(".".join(name), text, "ours", own["asks"].value))
+            continue
+        if isinstance(value, yaml.MappingNode):
+            found += _constants(value, lines, name)
+            continue
+        # A list over several lines ends where the next key begins: its comment, if any, is beside its own key.
+        end = key.end_mark if isinstance(value, yaml.SequenceNode) and not value.flow_style else value.end_mark
+        _, mark, comment = lines[end.line][end.column :].partition("#")
+        comment = comment.strip() if mark else ""
+        sources = [
+            kind
+            for kind, sign in (("paper", r"\bpaper (§|fig|appendix)"), ("ours", r"\bours:"))
+            if re.search(sign, comment)
+        ]
+        found.append(Constant(".".join(name), _text(value), " and ".join(sources), comment))
+    return found
+
+
+def _text(value: yaml.Node) -> str:
+    return ", ".join(item.value for item in value.value) if isinstance(value, yaml.SequenceNode) else str(value.value)

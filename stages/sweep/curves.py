@@ -1,0 +1,134 @@
+"""From published runs to curves stacked over seeds, and these as datasets: of the paper's own cells, or a variant's."""
+
+import itertools
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mimo.record import artifact
+from mimo.science import analysis
+from mimo.settings.params import Params
+from mimo.world import body
+from mimo.world.protocol import PHASES
+from stages.base import console, paths, store
+
+UNITS = {  # of the curves whose datasets in a run do not say it
+    "q_move": "scaled reward",
+    "q_advantage": "scaled reward",
+    "limb": "1",
+    "displacement": "m",
+}
+PART_UNITS = {"mtl": "m", "rtl": "h", "cais": "h", "surprise": "h"}
+
+Cells = dict[tuple[str, str], dict[str, np.ndarray]]  # curves, (seed, step) by name, of each condition and reward
+
+
+@dataclass(frozen=True)
+class Stacked:
+    """Curves of some cells, the curves' units, and each run's content hash by its name."""
+
+    cells: Cells
+    units: dict[str, str]
+    runs: dict[str, str]
+
+
+def phases(p: Params) -> dict[str, slice]:
+    """The phases' steps."""
+    return analysis.phases(p.protocol.baseline_steps, p.protocol.attached_steps, p.protocol.extinction_steps)
+
+
+def about(p: Params, seeds: int) -> dict[str, str | int | float]:
+    """What an artifact of curves says of itself."""
+    lengths = {f"{name}_steps": getattr(p.protocol, f"{name}_steps") for name in PHASES}
+    return {"limb": p.protocol.limb, "seeds": seeds} | lengths
+
+
+def read(
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+) -> Stacked:
+    """The curves of some cells, of the paper or of a variant; arguments and faults as in `runs`."""
+    limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
+    found: dict[tuple[str, str], list[dict[str, np.ndarray]]] = {}
+    stacked = Stacked({}, {}, {})
+    for pair, run in runs(p, pairs, seeds, progress, variant):
+        record = {name: dataset.values for name, dataset in run.datasets.items()}
+        curves = analysis.curves(record, limbs, p.protocol.limb)
+        cell = found.setdefault(pair, [])
+        stacked.runs[f"{'/'.join(pair)}/{len(cell)}"] = run.content
+        cell.append(curves)
+        stacked.units.update({name: _unit(name, run) for name in curves})
+    for pair, cell in found.items():
+        stacked.cells[pair] = {name: np.stack([run[name] for run in cell]) for name in cell[0]}
+    return stacked
+
+
+def runs(
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+) -> Iterator[tuple[tuple[str, str], artifact.Artifact]]:
+    """The runs of some cells, a cell's in the order of seeds, each with its condition and reward.
+
+    Args:
+        p: for the protocol, which all variants share.
+        pairs: condition and reward of each cell.
+        seeds: how many there are of each.
+        progress: counts runs.
+        variant: empty for the paper's own.
+
+    Raises:
+        console.StageError: a run has another length than `p` asks for, or a manifest cannot be read.
+        artifact.ArtifactError: a file is damaged, or not the run that the manifest lists for its place.
+    """
+    pairs = list(pairs)
+    listed = _digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
+    steps = phases(p)["extinction"].stop
+    for pair, seed in itertools.product(pairs, range(seeds)):
+        path = paths.run(*pair, seed, variant)
+        run = artifact.read(path, store.RUN, listed.get(path))
+        if len(run["reward"]) != steps:
+            raise console.StageError(
+                f"{run.path} has {len(run['reward'])} steps where params.yaml asks for {steps}; run `dvc repro`."
+            )
+        yield pair, run
+        progress.update(progress.done + 1)
+
+
+def datasets(stacked: Stacked, above: str = "") -> dict[str, artifact.Dataset]:
+    """Every curve as `<above><condition>/<reward>/<curve>`."""
+    return {
+        f"{above}{condition}/{reward}/{curve}": artifact.Dataset(values, stacked.units[curve], "seed, step")
+        for (condition, reward), cell in stacked.cells.items()
+        for curve, values in cell.items()
+    }
+
+
+def ends(windows: Mapping[str, slice]) -> dict[str, artifact.Dataset]:
+    """Every window as `windows/<name>`."""
+    return {
+        f"windows/{name}": artifact.Dataset(
+            np.array([steps.start + 1, steps.stop]), "agent step, from 1", "first and last"
+        )
+        for name, steps in windows.items()
+    }
+
+
+def _digests(manifests: Iterable[Path]) -> dict[Path, str]:
+    """The digest of the run that belongs to each place."""
+    found = {}
+    for manifest in manifests:
+        try:
+            for run in json.loads(manifest.read_text()):
+                found[paths.run(run["condition"], run["reward"], run["seed"], run["variant"])] = run["digest"]
+        except (OSError, ValueError, KeyError, TypeError) as fault:
+            raise console.StageError(f"{manifest} is missing or damaged; run `dvc checkout` or `dvc repro`.") from fault
+    return found
+
+
+def _unit(curve: str, run: artifact.Artifact) -> str:
+    """From the run's own dataset, unless that knows none."""
+    start, _, rest = curve.partition("/")
+    if start == "part":
+        return PART_UNITS.get(rest.split("/")[0], "own units")
+    return UNITS[start] if start in UNITS else run.datasets[start].units

@@ -1,4 +1,4 @@
-# make paper | verify | publish | share | fetch | preview | test | check | format | bench | scaling. `make` alone lists them.
+# make paper | studies | verify | publish | share | fetch | preview | test | check | format | bench | scaling. `make` alone lists them.
 
 # The interpreter for .venv: the first of these that is Python 3.11 to 3.13, unless PYTHON names another.
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
@@ -10,7 +10,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper verify publish share fetch preview test check format bench scaling .venv
+.PHONY: help paper studies verify publish share fetch preview test check format bench scaling .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -19,12 +19,16 @@ paper: $(STAMP) ## Every figure, table and claim of the paper: only what is miss
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.paper
 
+studies: $(STAMP) ## What goes beyond the paper: needs its encoder and scales, and changes none of them
+	@python -m stages.commands.gl --install
+	@python -m stages.commands.studies
+
 verify: $(STAMP) ## Compute a sample of the published artifacts again and compare
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.verify
 
 publish: $(STAMP) ## Say on which machines the published artifacts were made: reports/published-on.json
-	@python -m stages.base.provenance
+	@python -m stages.commands.publish
 
 share: $(STAMP) ## Send the results to a DVC remote: make share [REMOTE=s3://bucket/folder]
 	@python -m stages.commands.share push $(REMOTE)
@@ -32,7 +36,7 @@ share: $(STAMP) ## Send the results to a DVC remote: make share [REMOTE=s3://buc
 fetch: $(STAMP) ## Get the results of this commit, and others' run cache: make fetch [REMOTE=s3://bucket/folder]
 	@python -m stages.commands.share fetch $(REMOTE)
 
-preview: $(STAMP) ## The same pipeline at a small scale, in .work/preview
+preview: $(STAMP) ## Both pipelines at a small scale, in .work/preview
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.preview
 

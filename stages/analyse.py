@@ -13,14 +13,13 @@ from mimo.settings import params
 from stages.base import console, numbers, paths, provenance, store
 from stages.sweep import curves
 
-ENCODER = "encoder"  # schema, as mimo.vision.encoder names it; that loads torch
 PLOTTED = ("move_probability", "reward", "q_move", "influence")
 
 
 def main() -> None:
     """Read every run of the sweep, write what comes of them."""
     p = params.load()
-    held, scales = artifact.read(paths.ENCODER, ENCODER), artifact.read(paths.SCALES, store.SCALE)
+    held, scales = artifact.read(paths.ENCODER, store.ENCODER), artifact.read(paths.SCALES, store.SCALE)
     phases = curves.phases(p)
     windows = analysis.windows(phases)
     pairs = list(itertools.product(p.sweep.conditions, p.sweep.rewards))

@@ -1,4 +1,7 @@
-"""`python -m stages.catalogue`: reports/artifacts.json, every published artifact with its hashes, each verified."""
+"""`python -m stages.catalogue [studies]`: every published artifact with its hashes, each verified.
+
+The paper's in reports/artifacts.json, or those of the studies in reports/studies/artifacts.json.
+"""
 
 import json
 import sys
@@ -8,32 +11,38 @@ from mimo.record import artifact
 from mimo.settings import params
 from stages.base import console, paths, store
 
-ENCODER = "encoder"  # schema, as mimo.vision.encoder names it; that loads torch
-SINGLE = {
+PAPER = {
     paths.FRAMES: store.FRAME,
-    paths.ENCODER: ENCODER,
-    paths.TRIAL: ENCODER,
+    paths.ENCODER: store.ENCODER,
+    paths.TRIAL: store.ENCODER,
     paths.SCALES: store.SCALE,
     paths.RESULTS: store.RESULTS,
-    paths.VARIANT_RESULTS: store.VARIANTS,
 }
+STUDIES = {paths.VARIANT_RESULTS: store.VARIANTS}
 
 Published = dict[Path, dict[str, str]]  # schema, digest and content hash by path
 
 
 def main() -> None:
-    """Read every artifact under data/ and list it."""
+    """Read every artifact and list it."""
     params.load()
-    expected = SINGLE | {path: store.RUN for top in (paths.RUNS, paths.VARIANTS) for path in sorted(top.rglob("*.h5"))}
+    if sys.argv[1:] == ["studies"]:
+        write(STUDIES, paths.VARIANTS, paths.STUDIES_ARTIFACTS)
+    else:
+        write(PAPER, paths.RUNS, paths.ARTIFACTS)
+
+
+def write(single: dict[Path, str], runs: Path, target: Path) -> None:
+    """List the artifacts of `single`, schemas by path, and all runs below a folder."""
     listed = {}
-    for path, schema in expected.items():
+    for path, schema in (single | dict.fromkeys(sorted(runs.rglob("*.h5")), store.RUN)).items():
         held = artifact.read(path, schema)
         listed[path.as_posix()] = {"schema": schema, "digest": held.digest, "content": held.content}
-    artifact.publish(f"{json.dumps(listed, indent=1)}\n".encode(), paths.ARTIFACTS)
+    artifact.publish(f"{json.dumps(listed, indent=1)}\n".encode(), target)
 
 
 def published(text: str) -> Published:
-    """From the text of reports/artifacts.json."""
+    """From the text of such a list."""
     return {Path(path): entry for path, entry in json.loads(text).items()}
 
 

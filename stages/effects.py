@@ -1,4 +1,4 @@
-"""`python -m stages.effects`: joints' effects under the resting policy, reports/effects.json (see `--help`)."""
+"""`python -m stages.effects`: joints' effects under the resting policy, reports/studies/effects.json (see `--help`)."""
 
 import argparse
 import json
@@ -10,7 +10,7 @@ import numpy as np
 
 from mimo.learning import effects
 from mimo.record import artifact, identity
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.vision import encoder
 from stages.base import console, numbers, paths, store
 from stages.sweep import crew, sweep
@@ -23,33 +23,34 @@ def main() -> None:
     """Measure the worlds that the store lacks, then write all."""
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.effects")).workers
     p = params.load()
+    asked = studies.load(p).effects
     held = artifact.read(paths.ENCODER, encoder.SCHEMA)
     sight = store.sight(held)
-    worlds: dict[str, dict[str, Any]] = {"published": {}} | p.effects.alternatives
+    worlds: dict[str, dict[str, Any]] = {"published": {}} | asked.alternatives
     settings = {name: params.changed(p, values) for name, values in worlds.items()}
-    digests = {name: digest(own, sight) for name, own in settings.items()}
+    digests = {name: digest(own, asked, sight) for name, own in settings.items()}
     todo = {
-        name: partial(measure, own, encoder.load(held), digests[name])
+        name: partial(measure, own, asked, encoder.load(held), digests[name])
         for name, own in settings.items()
         if not store.has(store.EFFECT, digests[name])
     }
-    each = len(effects.REGIMES) * p.effects.steps * p.effects.worlds
+    each = len(effects.REGIMES) * asked.steps * asked.worlds
     with console.Progress("Effects", len(todo) * each, "agent steps") as progress:
         for _ in sweep.fill(store.EFFECT, digests, todo, workers):
             progress.update(progress.done + each)
     found = {name: {"set": values} | read(digests[name]) for name, values in worlds.items()}
-    steps = (p.effects.steps - effects.DROPPED) * p.effects.worlds
+    steps = (asked.steps - asked.dropped) * asked.worlds
     numbers.write({"steps": steps, "worlds": found}, paths.EFFECTS, DIGITS)
 
 
-def digest(p: params.Params, encoder_hash: str) -> identity.Digest:
+def digest(p: params.Params, asked: studies.Effects, encoder_hash: str) -> identity.Digest:
     """The digest of all that a world's effects depend on, under which the store keeps them."""
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("world", "conditions")}
         | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
         | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
         | {name: getattr(p.agent, name) for name in ("move_bias", "temperature")}
-        | {name: getattr(p.effects, name) for name in ("steps", "worlds")}
+        | {name: getattr(asked, name) for name in ("steps", "dropped", "worlds")}
         | {"seed": p.seed, "quantiles": p.outcomes.quantiles},
         "encoder": encoder_hash,
         "code": identity.code("mimo.learning.effects"),
@@ -58,13 +59,13 @@ def digest(p: params.Params, encoder_hash: str) -> identity.Digest:
     return identity.Digest(inputs)
 
 
-def measure(p: params.Params, trained: encoder.Trained, made_from: str) -> bytes:
+def measure(p: params.Params, asked: studies.Effects, trained: encoder.Trained, made_from: str) -> bytes:
     """One world's effects as an artifact.
 
     Raises:
         FloatingPointError: something does not vary, so that it has no effect.
     """
-    text = np.array(json.dumps(effects.measure(p, trained)).encode())
+    text = np.array(json.dumps(effects.measure(p, asked, trained)).encode())
     return artifact.to_bytes(store.EFFECT, made_from, {MEASURED: artifact.Dataset(text, "JSON", "")})
 
 

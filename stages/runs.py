@@ -17,7 +17,7 @@ def main() -> None:
     manifest = Path(sys.argv[1])
     for run in json.loads(manifest.read_text()):
         name = f"{run['condition']}, {run['reward']}, seed {run['seed']}"
-        remedy = f"run `dvc repro --force {'vary' if run['variant'] else 'train'}`"
+        remedy = f"run `dvc repro --force {'studies/dvc.yaml:vary' if run['variant'] else 'train'}`"
         target = paths.run(run["condition"], run["reward"], run["seed"], run["variant"])
         if not store.has(store.RUN, run["digest"], elsewhere=[target]):
             raise console.StageError(f"The run store lacks {name} of {manifest}; {remedy}.")

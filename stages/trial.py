@@ -10,8 +10,7 @@ from mimo.record import artifact
 from mimo.settings import params
 from mimo.vision import encoder
 from stages import encoder as training
-from stages.base import console, paths, store
-from stages.commands import preview
+from stages.base import console, overlay, paths, store
 
 
 def main() -> None:
@@ -28,7 +27,7 @@ def main() -> None:
 
 def settings(p: params.Params) -> params.Params:
     """The published params, but the encoder's training as in the preview."""
-    short = preview.merged_params(Path())["encoder"]
+    short = overlay.merged(Path(), paths.PARAMS)["encoder"]
     return p.model_copy(update={"encoder": params.checked(p.encoder, short)})
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from mimo.record import artifact
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.vision import encoder
 from stages.base import console, paths, store
 from stages.sweep import crew, scales, sweep
@@ -17,16 +17,17 @@ def main() -> None:
     """Compute what is missing of the variants, then write their manifests."""
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.vary")).workers
     p = params.load()
+    sweeps = studies.load(p).sweeps
     file = paths.ENCODER.read_bytes()
     held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
-    settings = {name: params.varied(p, name) for name in p.sweeps.variants}
+    settings = {name: params.changed(p, variant.set) for name, variant in sweeps.variants.items()}
     sight = store.sight(held)
     digests = {name: scales.digest(own, sight) for name, own in settings.items()}
     _measure(p, held, settings, digests, workers)
     grids = {}
-    for name, variant in p.sweeps.variants.items():
+    for name, variant in sweeps.variants.items():
         own = sweep.scales(store.place(store.SCALE, digests[name]), digests[name])
-        grids[name] = sweep.Grid(settings[name], own, variant.pairs, p.sweeps.seeds)
+        grids[name] = sweep.Grid(settings[name], own, variant.pairs, sweeps.seeds)
     runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, workers)
     _drop_other_variants(set(grids))
     shutil.rmtree(paths.VARIANT_MANIFESTS, ignore_errors=True)
@@ -59,7 +60,7 @@ def _measure(
 
 
 def _drop_other_variants(names: set[str]) -> None:
-    """Variants that left params.yaml would else stay in data/variants, and in what hangs on it."""
+    """Variants that left studies/params.yaml would else stay in data/variants, and in what hangs on it."""
     for folder in paths.VARIANTS.glob("*"):
         if folder.name not in names:
             shutil.rmtree(folder)

@@ -8,10 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
+from mimo.learning import rewards
 from mimo.learning.agent import JOINTS
-from mimo.learning.experiment import initial_quantiles
-from mimo.learning.outcomes import Outcomes
-from mimo.learning.rewards import REWARDS, Transition
+from mimo.learning.experience import Experience, untaught
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision.collect import resting_probability
@@ -42,27 +41,14 @@ def scales(params: Params, trained: Trained, progress: Callable[[int], None] = l
     )
     built = scene.build(params.world, params.protocol)
     worlds = Worlds(built, params.protocol, params.conditions.free.force, draws)
-    outcomes = Outcomes(params.outcomes, initial_quantiles(params, trained), batches)
-    terms = [kind(params.rewards) for kind in REWARDS.values()]
-    extract = Extractor(params.encoder, trained)
+    terms = rewards.parts("_".join(rewards.REWARDS), params.rewards)
     seen = np.empty((len(terms), settings.steps, settings.worlds, JOINTS))
     with Eye(built) as eye:
-        latent = extract(eye.frames(worlds.qpos))
+        experience = Experience(worlds, eye, Extractor(params.encoder, trained), untaught(params, trained, batches))
         for step in range(settings.steps):
             chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
             moved = chance[0] < resting_probability(params.agent)
-            outcome = worlds.step(worlds.torque(moved, chance[1] < 0.5), attached=True)
-            before, latent = latent, extract(eye.frames(worlds.qpos))
-            action = torch.from_numpy(moved)
-            transition = Transition(
-                path_length=torch.from_numpy(outcome.path_length).float(),
-                latent_before=before,
-                latent=latent,
-                action=action,
-                influence=outcomes.influence(),
-                expectation=outcomes.expectation(action),
-            )
-            outcomes.update(action, latent)
+            _, transition = experience.step(moved, chance[1] < 0.5, attached=True)
             seen[:, step] = [term(transition).numpy() for term in terms]
             progress((step + 1) * settings.worlds)
     found = {term.name: float(values[settings.steps // 2 :].std()) for term, values in zip(terms, seen, strict=True)}

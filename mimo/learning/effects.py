@@ -12,9 +12,11 @@ import numpy as np
 import torch
 
 from mimo.learning.agent import JOINTS
+from mimo.learning.experience import Experience
 from mimo.learning.outcomes import taus
 from mimo.record import streams
 from mimo.settings.params import Params
+from mimo.settings.studies import Effects
 from mimo.vision.collect import resting_probability
 from mimo.vision.encoder import Extractor, Trained
 from mimo.world import body, scene
@@ -23,7 +25,6 @@ from mimo.world.physics import Worlds
 from mimo.world.scene import Scene
 
 REGIMES = (("free", True), ("noisy", True), ("noisy", False))  # condition, and whether the rope is on
-DROPPED = 20  # first steps of a world, while the mobile leaves its place of rest
 FIRST_SEED = 10**6  # of the random streams, which are then no run's; they are the same in all worlds, rope on or off
 
 
@@ -46,11 +47,14 @@ class Sample:
     latent: np.ndarray
 
 
-def measure(params: Params, trained: Trained, progress: Callable[[int], None] = lambda steps: None) -> dict[str, Any]:
+def measure(
+    params: Params, settings: Effects, trained: Trained, progress: Callable[[int], None] = lambda steps: None
+) -> dict[str, Any]:
     """Effects in both conditions with the rope on (see `joints`), and the rope's own in noise.
 
     Args:
         params: all of params.yaml.
+        settings: how much is measured.
         trained: the encoder.
         progress: called with the number of agent steps done, over all worlds.
 
@@ -61,11 +65,11 @@ def measure(params: Params, trained: Trained, progress: Callable[[int], None] = 
         FloatingPointError: something does not vary, so that it has no effect.
     """
     torch.set_num_threads(1)
-    steps = params.effects.steps * params.effects.worlds
+    steps = settings.steps * settings.worlds
     built, extract = scene.build(params.world, params.protocol), Extractor(params.encoder, trained)
     with Eye(built) as eye:
         free, noisy, loose = (
-            sample(params, built, eye, extract, regime, partial(_after, index * steps, progress))
+            sample(params, settings, built, eye, extract, regime, partial(_after, index * steps, progress))
             for index, regime in enumerate(REGIMES)
         )
     attached, levels = body.attached(params.protocol.limb), taus(params.outcomes.quantiles).double().numpy()
@@ -78,39 +82,41 @@ def measure(params: Params, trained: Trained, progress: Callable[[int], None] = 
 
 def sample(
     params: Params,
+    settings: Effects,
     built: Scene,
     eye: Eye,
     extract: Extractor,
     regime: tuple[str, bool],
     progress: Callable[[int], None],
 ) -> Sample:
-    """`effects.worlds` worlds of `effects.steps` agent steps under the resting policy, less the first DROPPED.
+    """`worlds` worlds of `steps` agent steps under the resting policy, less the first `dropped`.
 
     Args:
         params: all of params.yaml.
+        settings: how many steps and worlds.
         built: the scene.
         eye: of that scene.
         extract: pictures to h.
         regime: condition, and whether the rope is on.
         progress: called with the number of agent steps done, over all worlds.
     """
-    settings, (condition, attached) = params.effects, regime
+    condition, attached = regime
     policy, direction, noise = (
         [streams.generator(params.seed, condition, FIRST_SEED + world, purpose) for world in range(settings.worlds)]
         for purpose in ("policy", "direction", "noise")
     )
     worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
     seen: list[tuple[np.ndarray, ...]] = []
-    latent = extract(eye.frames(worlds.qpos)).numpy()
+    experience = Experience(worlds, eye, extract)
     for step in range(settings.steps):
         moved = np.stack([draw.random(JOINTS) for draw in policy]) < resting_probability(params.agent)
         positive = np.stack([draw.random(JOINTS) for draw in direction]) < 0.5
-        outcome = worlds.step(worlds.torque(moved, positive), attached)
-        before, latent = latent, extract(eye.frames(worlds.qpos)).numpy()
-        distance = np.linalg.norm(latent - before, axis=1)
+        outcome, transition = experience.step(moved, positive, attached)
+        latent = transition.latent.numpy()
+        distance = np.linalg.norm(latent - transition.latent_before.numpy(), axis=1)
         seen.append((moved, outcome.path_length, distance, outcome.centre_of_mass, latent))
         progress((step + 1) * settings.worlds)
-    return Sample(*(np.concatenate(values) for values in zip(*seen[DROPPED:], strict=True)))
+    return Sample(*(np.concatenate(values) for values in zip(*seen[settings.dropped :], strict=True)))
 
 
 def _after(before: int, progress: Callable[[int], None], done: int) -> None:

@@ -12,12 +12,12 @@ from torch import Tensor
 
 from mimo.learning import rewards
 from mimo.learning.agent import JOINTS, MOVE, Agents
-from mimo.learning.outcomes import Outcomes, taus
+from mimo.learning.experience import Experience, untaught
 from mimo.record import identity, streams
 from mimo.record.artifact import Dataset
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from mimo.vision.encoder import LEVELS, Extractor, Trained
+from mimo.vision.encoder import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
@@ -30,16 +30,13 @@ class RunError(Fault):
     """A run came to nothing; the message names condition, reward, seed and step."""
 
 
-def inputs(
-    params: Params, condition: str, reward: str, seed: int, encoder: str, scales: Mapping[str, float]
-) -> dict[str, Any]:
-    """All that a run's bytes depend on; identity.digest of it names the run.
+def inputs(params: Params, condition: str, reward: str, encoder: str, scales: Mapping[str, float]) -> dict[str, Any]:
+    """All that the bytes of a cell's runs depend on but their seed; identity.Digest of it with `seed` names a run.
 
     Args:
         params: all of params.yaml; only what the run reads counts.
         condition: free or noisy.
         reward: its name, or several joined by "_".
-        seed: seed index.
         encoder: content hash of the encoder.
         scales: each reward's scale; only those of the run's parts count, and none if `rewards.scale` is running.
     """
@@ -60,19 +57,11 @@ def inputs(
         "params": read,
         "condition": condition,
         "reward": reward,
-        "seed": seed,
         "encoder": encoder,
         "scales": {part: scales[part] for part in parts} if params.rewards.scale == "resting" else {},
-        "code": identity.code("mimo.learning.experiment", rewards=parts),
+        "code": identity.code("mimo.learning.experiment", *rewards.modules(reward)),
         "versions": identity.versions(),
     }
-
-
-def initial_quantiles(settings: Params, trained: Trained) -> Tensor:
-    """(latent, quantiles) where every outcome model starts: h's marginal quantiles over the encoder's frames."""
-    levels = taus(settings.outcomes.quantiles).numpy()
-    start = np.stack([np.interp(levels, LEVELS, row) for row in trained.quantiles])
-    return torch.from_numpy(start.astype(np.float32))
 
 
 class Running:
@@ -134,20 +123,17 @@ class Experiment:
             return [streams.generator(params.seed, condition, seed, purpose) for seed in seeds]
 
         built = scene.build(params.world, params.protocol)
-        self.worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
+        worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
+        outcomes = untaught(params, trained, generators("memory")) if rewards.needs_outcomes(reward) else None
         self.eye = Eye(built)
-        self.extractor = Extractor(params.encoder, trained)
+        self.experience = Experience(worlds, self.eye, Extractor(params.encoder, trained), outcomes)
         self.parts = rewards.parts(reward, params.rewards)
         gain, running = params.rewards.gain, params.rewards.scale == "running"
         self._gains = [gain if running else gain / scales[part.name] for part in self.parts]
         self._running = [Running(len(self.seeds)) for _ in self.parts] if running else None
         self._direction, self._policy = generators("direction"), generators("policy")
-        self.latent = self.extractor(self.eye.frames(self.worlds.qpos))
-        self.state = self._state(self.worlds.proprioception())
+        self.state = self._state(worlds.proprioception())
         self.agents = Agents(params.agent, self.state.shape[1], generators("weights"))
-        self.outcomes = None
-        if rewards.needs_outcomes(reward):
-            self.outcomes = Outcomes(params.outcomes, initial_quantiles(params, trained), generators("memory"))
         self.log = _Log(len(self.seeds), steps(params.protocol))
 
     def run(self, progress: Callable[[int], None] = lambda done: None) -> list[Record]:
@@ -178,36 +164,24 @@ class Experiment:
         chance = np.stack([generator.random(JOINTS) for generator in self._policy])
         positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
         moved = chance < probability.numpy()
-        outcome = self.worlds.step(self.worlds.torque(moved, positive), phase(self.params.protocol, step) == "attached")
-        latent = self.extractor(self.eye.frames(self.worlds.qpos))
-        action = torch.from_numpy(moved)
-        transition = rewards.Transition(
-            path_length=torch.from_numpy(outcome.path_length).float(),
-            latent_before=self.latent,
-            latent=latent,
-            action=action,
-            influence=self.outcomes.influence() if self.outcomes else None,
-            expectation=self.outcomes.expectation(action) if self.outcomes else None,
-        )
+        attached = phase(self.params.protocol, step) == "attached"
+        outcome, transition = self.experience.step(moved, positive, attached)
         parts = [part(transition) for part in self.parts]
         scaled = parts
         if self._running:
             scaled = [running(part) for running, part in zip(self._running, parts, strict=True)]
         reward = torch.stack([gain * part for gain, part in zip(self._gains, scaled, strict=True)]).sum(dim=0)
-        before, self.latent = self.state, latent
-        self.state = self._state(outcome.proprioception)
-        error = self.agents.update(before, action, reward, self.state)
+        before, self.state = self.state, self._state(outcome.proprioception)
+        error = self.agents.update(before, transition.action, reward, self.state)
         if not bool(torch.isfinite(error).all()):
             bad = [seed for seed, row in zip(self.seeds, error, strict=True) if not bool(torch.isfinite(row).all())]
             raise FloatingPointError(f"the TD error of seed {bad[0]} is not finite")
-        if self.outcomes:
-            self.outcomes.update(action, latent)
         entry: dict[str, np.ndarray | Tensor] = {
             "action": moved,
             "positive": positive,
             "centre_of_mass": outcome.centre_of_mass,
             "path_length": outcome.path_length,
-            "latent_length": (latent - transition.latent_before).square().sum(-1).sqrt(),
+            "latent_length": (transition.latent - transition.latent_before).square().sum(-1).sqrt(),
             "q": values,
             "move_probability": probability,
             "reward": reward,
@@ -219,7 +193,7 @@ class Experiment:
 
     def _state(self, proprioception: np.ndarray) -> Tensor:
         """(N, 47 + latent): joint angles in rad, then h (paper §3.2)."""
-        return torch.cat([torch.from_numpy(proprioception).float(), self.latent], dim=1)
+        return torch.cat([torch.from_numpy(proprioception).float(), self.experience.perception.latent], dim=1)
 
     def _name(self) -> str:
         which = f"seed {self.seeds[0]}" if len(self.seeds) == 1 else f"seeds {', '.join(map(str, self.seeds))}"

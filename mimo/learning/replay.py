@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from mimo.learning.experience import Perception
 from mimo.record import streams
 from mimo.record.artifact import Artifact, Dataset
 from mimo.settings.params import Params
@@ -56,25 +57,24 @@ def replay(
     condition, seed = str(run.about["condition"]), int(run.about["seed"])
     noise = streams.generator(p.seed, condition, seed, "noise")
     worlds = Worlds(scene, p.protocol, getattr(p.conditions, condition).force, [noise])
-    latent = extractor(eye.frames(worlds.qpos))
+    perception = Perception(extractor, eye.frames(worlds.qpos))
     found: dict[str, list[np.ndarray]] = {"centre_of_mass": [], "path_length": [], "latent_length": []}
     positions = {}
     for step in range(max(shown) + 1):
         moved, positive = (run[name][step : step + 1].astype(bool) for name in ("action", "positive"))
-        control = worlds.control(worlds.torque(moved, positive))
         # One update at a time gives the same numbers; the run's record is what shows it.
-        pieces = np.split(control, control.shape[1], axis=1) if step in shown else [control]
+        cuts = range(1, p.protocol.updates_per_step) if step in shown else ()
         lengths, track = [], []
-        for piece in pieces:
-            outcome = worlds.advance(piece, phase(p.protocol, step) == "attached")
+        for outcome in worlds.pieces(moved, positive, phase(p.protocol, step) == "attached", cuts):
             lengths.append(outcome.path_length)
             track.append(worlds.qpos[0])
         if step in shown:
             positions[step] = np.stack(track)
-        before, latent = latent, extractor(eye.frames(worlds.qpos))
+        path_length = np.stack(lengths, axis=1).sum(axis=1)
+        seen = perception.transition(moved, path_length, eye.frames(worlds.qpos))
         found["centre_of_mass"].append(outcome.centre_of_mass[0])
-        found["path_length"].append(np.stack(lengths, axis=1).sum(axis=1)[0])
-        found["latent_length"].append((latent - before).square().sum(-1).sqrt().numpy()[0])
+        found["path_length"].append(path_length[0])
+        found["latent_length"].append((seen.latent - seen.latent_before).square().sum(-1).sqrt().numpy()[0])
         progress(step + 1)
     record = {
         name: Dataset(np.array(values, np.float32), run.datasets[name].units, run.datasets[name].axes)

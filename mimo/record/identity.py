@@ -11,19 +11,18 @@ import hashlib
 import importlib.metadata
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "mimo"
-REWARDS = "mimo.learning.rewards"
 LIBRARIES = {"mujoco": "mujoco-core", "torch": "torch", "numpy": "numpy"}  # mujoco-core: MuJoCo's minimal distribution
-# These decide no number: params.py only checks values that enter a digest resolved, artifact.py and identity.py only
+# These decide no number: settings are only checked there, and enter a digest resolved; artifact.py and identity.py only
 # store and name results (artifact.SCHEMA_VERSION refuses files of another layout).
-EXCLUDED = frozenset({"mimo.settings.params", "mimo.record.identity", "mimo.record.artifact"})
+EXCLUDED = ("mimo.settings", "mimo.record.identity", "mimo.record.artifact")
 
 
 class IdentityError(ValueError):
@@ -59,35 +58,33 @@ class Digest(str):
         return Digest, (self.inputs,)
 
 
-def code(*modules: str, rewards: Collection[str] | None = None, root: Path = ROOT) -> dict[str, str]:
+def code(*modules: str, root: Path = ROOT) -> dict[str, str]:
     """Hash the modules and all that they import from this package, directly or not.
 
     Imports are found in the source, also within functions, but not under `if TYPE_CHECKING:`; importlib's are not.
-    A package's `__init__` counts with each of its modules, since importing them runs it. EXCLUDED is passed over.
+    A package's `__init__` counts with each of its modules, since importing them runs it. EXCLUDED, modules and all
+    below packages, is passed over.
 
     Args:
         modules: dotted names, such as "mimo.world.physics".
-        rewards: names of the reward terms that matter. In mimo.learning.rewards a class whose body sets `name` to any other is
-            left out, unless a class or function that stays speaks of it; what surrounds the classes always counts.
         root: the folder that holds the package.
 
     Returns:
         SHA-256 of each module's syntax tree, in the order of names.
 
     Raises:
-        IdentityError: a module is missing or is not Python, or no class has one of the names in `rewards`.
+        IdentityError: a module is missing or is not Python.
     """
     hashes: dict[str, str] = {}
     pending = list(modules)
     while pending:
         module = pending.pop()
-        if module in hashes or module in EXCLUDED:
+        if module in hashes or any(f"{module}.".startswith(f"{passed}.") for passed in EXCLUDED):
             continue
         path = _find(module, root)
         if path is None:
             raise IdentityError(f"There is no module {module} in {root}.")
-        chosen = frozenset(rewards) if module == REWARDS and rewards is not None else None
-        hashes[module], imports = _parse(path, path.read_text(encoding="utf-8"), chosen)
+        hashes[module], imports = _parse(path, path.read_text(encoding="utf-8"))
         pending += _named(module, imports, path.name == "__init__.py", root)
     return dict(sorted(hashes.items()))
 
@@ -98,7 +95,7 @@ def syntax(path: Path) -> str:
     Raises:
         IdentityError: it is not Python.
     """
-    return _parse(path, path.read_text(encoding="utf-8"), None)[0]
+    return _parse(path, path.read_text(encoding="utf-8"))[0]
 
 
 def versions() -> dict[str, str]:
@@ -173,16 +170,12 @@ class _Bare(ast.NodeTransformer):
 
 
 @functools.lru_cache(maxsize=256)  # a sweep asks for the same modules once a run
-def _parse(
-    path: Path, source: str, rewards: frozenset[str] | None
-) -> tuple[str, tuple[ast.Import | ast.ImportFrom, ...]]:
+def _parse(path: Path, source: str) -> tuple[str, tuple[ast.Import | ast.ImportFrom, ...]]:
     """The hash of a module's syntax tree, and its imports."""
     try:
         tree = _Bare().visit(ast.parse(source))
     except (SyntaxError, ValueError) as fault:
         raise IdentityError(f"{path} is not Python: {fault}.") from None
-    if rewards is not None:
-        tree = _without_other_rewards(tree, rewards)
     imports = tuple(node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
     return hashlib.sha256(json.dumps(_spelled(tree)).encode()).hexdigest(), imports
 
@@ -194,40 +187,6 @@ def _spelled(node: object) -> object:
         fields = {name: _spelled(value) for name, value in ast.iter_fields(node) if value not in (None, [])}
         return [type(node).__name__, fields]
     return [_spelled(item) for item in node] if isinstance(node, list) else ascii(node)
-
-
-def _without_other_rewards(tree: ast.Module, rewards: Collection[str]) -> ast.Module:
-    named = {node: name for node in tree.body if isinstance(node, ast.ClassDef) and (name := _reward_name(node))}
-    unknown = sorted(set(rewards) - set(named.values()))
-    if unknown:
-        raise IdentityError(f"{REWARDS} has no class named {unknown[0]!r}; it has {', '.join(sorted(named.values()))}.")
-    dropped = {node for node, name in named.items() if name not in rewards}
-    while True:
-        # A base class, say, decides the numbers of its heirs. A registry at the module's top does not.
-        kept = [node for node in tree.body if node not in dropped]
-        spoken = {
-            part.id
-            for node in kept
-            if isinstance(node, ast.ClassDef | ast.FunctionDef)
-            for part in ast.walk(node)
-            if isinstance(part, ast.Name)
-        }
-        needed = {node for node in dropped if node.name in spoken}
-        if not needed:
-            return ast.Module(body=kept, type_ignores=[])
-        dropped -= needed
-
-
-def _reward_name(node: ast.ClassDef) -> str | None:
-    for line in node.body:
-        targets = (
-            line.targets if isinstance(line, ast.Assign) else [line.target] if isinstance(line, ast.AnnAssign) else []
-        )
-        if any(isinstance(target, ast.Name) and target.id == "name" for target in targets):
-            value = line.value if isinstance(line, ast.Assign | ast.AnnAssign) else None
-            if isinstance(value, ast.Constant) and isinstance(value.value, str):
-                return value.value
-    return None
 
 
 def _named(module: str, imports: Iterable[ast.Import | ast.ImportFrom], package: bool, root: Path) -> Iterator[str]:
@@ -251,11 +210,3 @@ def _find(module: str, root: Path) -> Path | None:
         return None
     stem = root.joinpath(*module.split("."))
     return next((path for path in (stem.with_suffix(".py"), stem / "__init__.py") if path.is_file()), None)
-
-
-if __name__ == "__main__":
-    # What the working tree would make is for the stages to say; they import this module, so it names them only here.
-    import importlib
-    import sys
-
-    sys.exit(importlib.import_module("stages.commands.identify").main())

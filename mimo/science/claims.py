@@ -1,7 +1,7 @@
 """The claims of the paper's §4, each as tests that were fixed before the published runs were made.
 
-mimo.science.judgement says how tests and claims are judged. Regions and windows were settled with the results of a pilot, under
-another root seed, at hand.
+mimo.science.judgement says how tests and claims are judged. Regions and windows were settled with the results of a
+pilot, under another root seed, at hand.
 """
 
 import numpy as np

@@ -1,35 +1,22 @@
-"""params.yaml as frozen pydantic models: every constant once, typed, checked before any work begins."""
+"""params.yaml as frozen pydantic models: every constant once, typed, checked before any work begins.
 
-import difflib
-import re
-from collections.abc import Iterable, Mapping
+A reward's constants are where the reward is, in mimo.learning.rewards. This floor imports none above it: it finds the
+rewards by the name of their folder, as plug-ins are found.
+"""
+
+import importlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, create_model, model_validator
 
-from mimo.learning.rewards import REWARDS
-from mimo.settings.files import ParamsError as ParamsError  # noqa: PLC0414 - callers know it from here
-from mimo.settings.files import dotted, read, shown
+from mimo.settings.complaints import bad_rewards, sentences, unless
+from mimo.settings.files import ParamsError, read
+from mimo.settings.section import Condition, Factor, Limb, Rate, Section, Seeds, Steps, Updates, Width, Worlds
 
-S = TypeVar("S", bound="Section")
-Steps = Annotated[int, Field(gt=0, le=20_000)]  # of a phase; a chunk's records then fit in memory
-Updates = Annotated[int, Field(gt=0, le=2000)]
-Worlds = Annotated[int, Field(gt=0, le=64)]
-Seeds = Annotated[int, Field(gt=0, le=1000)]  # files are numbered with three digits
-Width = Annotated[int, Field(gt=0, le=32)]
-Rate = Annotated[float, Field(ge=1e-6, le=0.1)]  # Adam moves a weight by as much in a step, in float32
-Factor = Annotated[float, Field(ge=0.001, le=100)]  # of what is computed in float32, and divided by
-Limb = Literal["left_foot", "right_foot", "left_hand", "right_hand"]
-Condition = Literal["free", "noisy"]
-# What a variant may change: it keeps the seed, the protocol and the published encoder, whatever world that has seen.
-VARIED = ("conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd")
-
-
-class Section(BaseModel):
-    """A part of params.yaml: unknown keys, text for numbers and later changes are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+S = TypeVar("S", bound=Section)
+REWARDS = importlib.import_module("mimo.learning.rewards").REWARDS
 
 
 class Protocol(Section):
@@ -137,49 +124,29 @@ class Calibrate(Section):
     worlds: Worlds
 
 
-class Effects(Section):
-    """How large a joint's effect is under the resting policy, in the published world and in `alternatives` to it.
-
-    `steps` are of each world, the first 20 dropped. An alternative has values of `world` by dotted key; `changed`
-    checks them.
-    """
-
-    steps: Annotated[int, Field(gt=20, le=20_000)]
-    worlds: Worlds
-    alternatives: dict[str, Annotated[dict[str, Any], Field(min_length=1)]]
-
-    @model_validator(mode="after")
-    def _known(self) -> "Effects":
-        faults = _bad_names("alternatives", self.alternatives)
-        if (self.steps - 20) * self.worlds < 20:
-            faults.append("steps less 20, times worlds, must be at least 20, for every joint to move and to rest")
-        if "published" in self.alternatives:
-            faults.append("alternatives has 'published', which is the world of params.yaml itself")
-        faults += [
-            f"alternatives.{name} has {shown(key)}, but an alternative may change only world"
-            for name, values in self.alternatives.items()
-            for key in values
-            if not key.startswith("world.")
-        ]
-        return _unless(faults, self)
-
-
-class Pays(Section):
-    """Which actions a reward pays: `move` pays MOVE alone, `taken` whichever action was taken."""
-
-    pays: Literal["move", "taken"]
-
-
-class Rewards(Section):
-    """Gain and scale, which all rewards share, and a section for each reward that has constants of its own.
+class _Shared(Section):
+    """What all rewards share; a section for each reward that has constants of its own stands beside it.
 
     `scale`: `resting` divides by the SD under the resting policy, `running` standardises by mean and SD so far.
     """
 
     gain: Factor
     scale: Literal["resting", "running"]
-    cais: Pays
-    surprise: Pays
+
+
+if TYPE_CHECKING:
+
+    class Rewards(_Shared):
+        """See _Shared."""
+
+        def __getattr__(self, reward: str) -> Any: ...
+else:
+    Rewards = create_model(
+        "Rewards",
+        __base__=_Shared,
+        __doc__=_Shared.__doc__,
+        **{name: (kind.Constants, ...) for name, kind in REWARDS.items() if kind.Constants},
+    )
 
 
 class Sweep(Section):
@@ -192,13 +159,8 @@ class Sweep(Section):
 
     @model_validator(mode="after")
     def _known(self) -> "Sweep":
-        faults = [
-            f"{name} names one entry twice"
-            for name, given in (("conditions", self.conditions), ("rewards", self.rewards))
-            if len(set(given)) < len(given)
-        ]
-        faults += _bad_rewards("rewards", self.rewards)
-        return _unless(faults, self)
+        faults = ["conditions names one entry twice"] if len(set(self.conditions)) < len(self.conditions) else []
+        return unless(faults + bad_rewards("rewards", self.rewards, REWARDS), self)
 
 
 class Film(Section):
@@ -208,47 +170,6 @@ class Film(Section):
     steps: Steps
     frame_updates: Updates
     width: Annotated[int, Field(gt=0, le=1920, multiple_of=160)]  # all lengths are then even, as H.264 has it
-
-
-class Variant(Section):
-    """The published params with some values changed, and the few cells that show what it does.
-
-    `set` has a value, or a list, by dotted key; `varied` checks them. `cells` has rewards' names by condition.
-    """
-
-    asks: Annotated[str, Field(min_length=1)]
-    set: Annotated[dict[str, Any], Field(min_length=1)]
-    cells: Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
-
-    @property
-    def pairs(self) -> tuple[tuple[Condition, str], ...]:
-        """Condition and reward of each cell."""
-        return tuple((condition, reward) for condition, rewards in self.cells.items() for reward in rewards)
-
-    @model_validator(mode="after")
-    def _known(self) -> "Variant":
-        fixed = [
-            key
-            for key in self.set
-            if key.split(".")[0] in Params.model_fields and not any(f"{key}.".startswith(f"{v}.") for v in VARIED)
-        ]
-        faults = [f"set has {shown(key)}, but a variant may change only {', '.join(VARIED)}" for key in fixed]
-        for condition, rewards in self.cells.items():
-            faults += _bad_rewards(f"cells.{condition}", rewards)
-            if len(set(rewards)) < len(rewards):
-                faults.append(f"cells.{condition} names one entry twice")
-        return _unless(faults, self)
-
-
-class Sweeps(Section):
-    """Variants of the published params, each in `seeds` seeds: which constant decides what is found?"""
-
-    seeds: Seeds
-    variants: Annotated[dict[str, Variant], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _named(self) -> "Sweeps":
-        return _unless(_bad_names("variants", self.variants), self)
 
 
 class Params(Section):
@@ -263,11 +184,9 @@ class Params(Section):
     agent: Agent
     outcomes: Outcomes
     calibrate: Calibrate
-    effects: Effects
     rewards: Rewards
     sweep: Sweep
     film: Film
-    sweeps: Sweeps
 
     @model_validator(mode="after")
     def _across(self) -> "Params":
@@ -287,28 +206,19 @@ def load(path: str | Path = "params.yaml") -> Params:
     Raises:
         ParamsError: unreadable, or one or more values do not hold; all faults at once, a sentence each.
     """
-    path = Path(path)
-    raw = read(path)
+    return loaded(Path(path), Params)
+
+
+def loaded(path: Path, kind: type[S]) -> S:
+    """Read and check a file of settings.
+
+    Raises:
+        ParamsError: as `load` does.
+    """
     try:
-        params = Params.model_validate(raw)
+        return kind.model_validate(read(path))
     except ValidationError as error:
-        raise ParamsError("\n".join(f"{path}: {_sentence(dict(fault))}" for fault in error.errors())) from None
-    changes = {f"sweeps.variants.{name}.set": variant.set for name, variant in params.sweeps.variants.items()}
-    changes |= {f"effects.alternatives.{name}": values for name, values in params.effects.alternatives.items()}
-    faults = []
-    for where, values in changes.items():
-        try:
-            changed(params, values)
-        except ParamsError as error:
-            faults += [f"{path}: {where}: {sentence}" for sentence in str(error).splitlines()]
-    if faults:
-        raise ParamsError("\n".join(faults))
-    return params
-
-
-def varied(params: Params, name: str) -> Params:
-    """`params` with the values that the variant `name` sets; see `changed`."""
-    return changed(params, params.sweeps.variants[name].set)
+        raise ParamsError("\n".join(f"{path}: {sentence}" for sentence in sentences(error, kind))) from None
 
 
 def changed(params: Params, values: Mapping[str, object]) -> Params:
@@ -338,71 +248,4 @@ def checked(section: S, changes: Mapping[str, object]) -> S:
     try:
         return type(section).model_validate(section.model_dump() | dict(changes))
     except ValidationError as error:
-        raise ParamsError("\n".join(_sentence(dict(fault)) for fault in error.errors())) from None
-
-
-def _sentence(fault: dict[str, object]) -> str:
-    location = fault["loc"]
-    assert isinstance(location, tuple)
-    key = dotted(location)
-    if fault["type"] == "extra_forbidden":
-        return f"{key} is not a known key; {_nearest(str(location[-1]), _keys(location[:-1]))}."
-    if fault["type"] == "missing":
-        return f"{key} is missing."
-    if fault["type"] == "model_type":
-        return f"{key} must be a section of keys and values."
-    message = str(fault["msg"])
-    if fault["type"] == "value_error":  # of a section, about the key that its text begins with
-        return f"{f'{key}.' if location else ''}{message.removeprefix('Value error, ')}."
-    rule = f" must {message[13:]}" if message.startswith("Input should ") else f": {message[:1].lower()}{message[1:]}"
-    near = ""
-    if fault["type"] == "literal_error" and isinstance(fault["input"], str):
-        near = _near(fault["input"], re.findall(r"'(\w+)'", message))
-    return f"{key}{rule}{_given(fault['input'])}{near and f', {near}'}."
-
-
-def _given(value: object) -> str:
-    if not isinstance(value, str | int | float | None):
-        return ""
-    looks_a_number = isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?", value)
-    hint = ", which is text: write it without quotes, and as 0.001 rather than 1e-3" if looks_a_number else ""
-    return f"; it is {shown(value)}{hint}"
-
-
-def _keys(location: tuple[object, ...]) -> list[str]:
-    kind: Any = Params
-    for part in location:
-        kind = get_args(kind)[1] if get_origin(kind) is dict else kind.model_fields[str(part)].annotation
-    return list(kind.model_fields)
-
-
-def _unless(faults: list[str], section: S) -> S:
-    if faults:
-        raise ValueError("; ".join(faults))
-    return section
-
-
-def _bad_names(where: str, names: Iterable[str]) -> list[str]:
-    bad = ", ".join(shown(name) for name in names if not re.fullmatch("[a-z0-9_]{1,40}", name))
-    return [f"{where} has {bad}: use small letters, digits and '_' alone, at most 40"] if bad else []
-
-
-def _bad_rewards(where: str, given: list[str]) -> list[str]:
-    faults = []
-    for reward in given:
-        parts = reward.split("_")
-        unknown = [part for part in parts if part not in REWARDS]
-        faults += [f"{where} has {shown(reward)}, but {shown(part)} is unknown; {_nearest(part, list(REWARDS))}"
-                   for part in unknown]  # fmt: skip
-        if len(set(parts)) < len(parts):
-            faults.append(f"{where} has {shown(reward)}, which adds one reward twice")
-    return faults
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    return _near(name, known) or f"known are {', '.join(known)}"
-
-
-def _near(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
-    return f"perhaps {near[0]!r} is meant" if near else ""
+        raise ParamsError("\n".join(sentences(error, type(section)))) from None

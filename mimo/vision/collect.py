@@ -33,6 +33,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
     shape = (len(REGIMES), settings.worlds, settings.steps, 2)
     frames = np.empty((*shape, SIZE, SIZE, 3), np.uint8)
     centres = np.empty((*shape, 3))
+    first = params.protocol.updates_per_step - settings.pair_updates  # updates before the first frame of a pair
     built = scene.build(params.world, params.protocol)
     with Eye(built) as eye:
         for index, (condition, attached) in enumerate(REGIMES):
@@ -46,10 +47,9 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
             worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
             for step in range(settings.steps):
                 chance = np.stack([draw.random((2, 12)) for draw in draws], axis=1)
-                action = chance[0] < resting_probability(params.agent)
-                control = worlds.control(worlds.torque(action, chance[1] < 0.5))
-                for frame, part in enumerate(np.split(control, [len(control[0]) - settings.pair_updates], axis=1)):
-                    centres[index, :, step, frame] = worlds.advance(part, attached).centre_of_mass
+                moved, positive = chance[0] < resting_probability(params.agent), chance[1] < 0.5
+                for frame, outcome in enumerate(worlds.pieces(moved, positive, attached, [first])):
+                    centres[index, :, step, frame] = outcome.centre_of_mass
                     frames[index, :, step, frame] = eye.frames(worlds.qpos)
                 progress((index * settings.steps + step + 1) * settings.worlds)
     return frames, centres

@@ -210,8 +210,11 @@ class Extractor:
         with torch.inference_mode():
             return (_raw(self.net, frames) - self._mean).mul_(self._gain)
 
-    def reconstruct(self, frames: np.ndarray) -> np.ndarray:
-        """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise."""
+    def reconstruct(self, frames: np.ndarray, skips: bool = True) -> np.ndarray:
+        """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise; without skip connections, of h alone."""
         with torch.inference_mode():
-            decoded = torch.cat([self.net.decode(*self.net.encode(images(frame))) for frame in frames])
-        return decoded.mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()
+            decoded = []
+            for frame in frames:
+                latent, passed = self.net.encode(images(frame))
+                decoded.append(self.net.decode(latent, passed if skips else [torch.zeros_like(s) for s in passed]))
+        return torch.cat(decoded).mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()

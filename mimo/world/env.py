@@ -14,13 +14,15 @@ from gymnasium import spaces
 
 from mimo.record import runtime
 from mimo.settings import params
-from mimo.settings.params import Condition, Limb, Params
+from mimo.settings.files import ParamsError
+from mimo.settings.params import Params
+from mimo.settings.section import Condition, Limb
 from mimo.world import body, scene
 from mimo.world.eye import SIZE, Eye
 from mimo.world.physics import Worlds
 from mimo.world.protocol import phase, steps
 
-PARAMS = Path(__file__).parent.parent / "params.yaml"
+PARAMS = Path(__file__).parents[2] / "params.yaml"
 VIEW = (480, 640)  # pixels of the third-person picture: height, width
 
 Observation = dict[str, np.ndarray]
@@ -32,7 +34,8 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
     Observation: `proprioception` (47,) joint angles in rad in the order of body.JOINTS, `vision` (128, 128, 3) uint8,
     the right eye's picture. Action: (12,) 0 or 1, MOVE or not for body.ACTUATED; the direction is random (paper §2.2).
     Reward: MTL, metres the mobile travelled (paper §3.3); the intrinsic rewards are the learner's own affair (see
-    mimo.learning.rewards). `info`: `mtl` m, `centre_of_mass` (3,) m, `phase`, `attached`. Truncated at the end of extinction.
+    mimo.learning.rewards). `info`: `mtl` m, `centre_of_mass` (3,) m, `phase`, `attached`. Truncated at the end of
+    extinction.
 
     Args:
         condition: free or noisy.
@@ -73,7 +76,7 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         self._protocol = params.checked(whole.protocol, given)
         if condition not in params.Conditions.model_fields:
             known = " or ".join(params.Conditions.model_fields)
-            raise params.ParamsError(f"condition must be {known}; it is {condition!r}.")
+            raise ParamsError(f"condition must be {known}; it is {condition!r}.")
         self._force = getattr(whole.conditions, condition).force
         self._scene = scene.build(whole.world, self._protocol)
         self._eye = Eye(self._scene)
@@ -107,8 +110,7 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         if self._worlds is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         positive = self.np_random.random((1, len(body.ACTUATED))) < 0.5
-        torque = self._worlds.torque(np.asarray(action, dtype=bool)[None], positive)
-        outcome = self._worlds.step(torque, self._attached())
+        outcome = self._worlds.step(np.asarray(action, dtype=bool)[None], positive, self._attached())
         mtl, info = float(outcome.path_length[0]), self._info(outcome.path_length[0], outcome.centre_of_mass[0])
         self._step += 1
         return self._observe(self._worlds), mtl, False, self._step >= steps(self._protocol), info

@@ -3,7 +3,7 @@
 A world's numbers depend on its own generator alone, never on how many worlds share the call.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -79,34 +79,39 @@ class Worlds:
         angles[:, body.FIXED :] = self._qpos[:, self.scene.limb_joints]
         return angles
 
-    def torque(self, action: np.ndarray, positive: np.ndarray) -> np.ndarray:
-        """Full torque in a random direction where a joint moves (paper §2.2, fig. 1D).
+    def step(self, moved: np.ndarray, positive: np.ndarray, attached: bool) -> Outcome:
+        """One agent step: full torque where a joint moves, for `torque_updates` updates, then rest (paper §2.2, §2.3).
 
         Args:
-            action: (N, 12) bool, MOVE or not.
-            positive: (N, 12) bool, the direction.
-
-        Returns:
-            (N, 12) N m for body.ACTUATED.
-        """
-        lowest, highest = self.scene.model.actuator_ctrlrange.T
-        return np.where(action, np.where(positive, highest, lowest), 0.0)
-
-    def step(self, torque: np.ndarray, attached: bool) -> Outcome:
-        """One agent step: `torque` for `torque_updates` updates, then rest (paper §2.3).
-
-        Args:
-            torque: (N, 12) N m for body.ACTUATED.
+            moved: (N, 12) bool, MOVE or not, for body.ACTUATED.
+            positive: (N, 12) bool, the torques' directions (fig. 1D).
             attached: whether the rope is on.
 
         Raises:
             DivergedError: a world's physics diverged.
         """
-        return self.advance(self.control(torque), attached)
+        return self._advance(self._control(moved, positive), attached)
 
-    def control(self, torque: np.ndarray) -> np.ndarray:
+    def pieces(self, moved: np.ndarray, positive: np.ndarray, attached: bool, cuts: Sequence[int]) -> Iterator[Outcome]:
+        """One agent step as `step` makes it, cut after so many updates: between pieces the worlds can be looked at.
+
+        Args:
+            moved: (N, 12) bool, MOVE or not, for body.ACTUATED.
+            positive: (N, 12) bool, the torques' directions.
+            attached: whether the rope is on.
+            cuts: numbers of updates, rising.
+
+        Raises:
+            DivergedError: a world's physics diverged.
+        """
+        for piece in np.split(self._control(moved, positive), cuts, axis=1):
+            yield self._advance(piece, attached)
+
+    def _control(self, moved: np.ndarray, positive: np.ndarray) -> np.ndarray:
         """(N, updates_per_step, columns) inputs of one agent step: torques, and the noise of every update."""
         protocol = self._protocol
+        lowest, highest = self.scene.model.actuator_ctrlrange.T
+        torque = np.where(moved, np.where(positive, highest, lowest), 0.0)
         control = np.zeros((self.size, protocol.updates_per_step, self._columns))
         control[:, : protocol.torque_updates, : torque.shape[1]] = torque[:, None]
         if self._force:
@@ -117,12 +122,8 @@ class Worlds:
                 control[world, :, first : first + 3] = direction
         return control
 
-    def advance(self, control: np.ndarray, attached: bool) -> Outcome:
-        """As many updates as `control` (N, updates, columns) holds.
-
-        Raises:
-            DivergedError: a world's physics diverged.
-        """
+    def _advance(self, control: np.ndarray, attached: bool) -> Outcome:
+        """As many updates as `control` (N, updates, columns) holds."""
         self._rope[:] = self.scene.rope_stiffness if attached else 0.0
         due = self._time + control.shape[1] * self._protocol.timestep
         record = self._batch.rollout(

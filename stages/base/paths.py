@@ -20,14 +20,17 @@ PUBLISHED_ON = Path("reports/published-on.json")
 HEADLINE = Path("reports/headline")
 METRICS = Path("reports/metrics.json")
 ENCODER_METRICS = Path("reports/encoder.json")
-EFFECTS = Path("reports/effects.json")
 CLAIMS = Path("reports/claims.json")
-VARIANT_CLAIMS = Path("reports/variants.json")
 EXPLORE = Path("reports/explore.json")
 PLOTS = Path("reports/plots")
 FIGURES = Path("reports/figures")
 FILMS = Path("reports/film")
 REPORT = Path("reports/index.html")
+
+STUDIES = Path("reports/studies.html")
+STUDIES_ARTIFACTS = Path("reports/studies/artifacts.json")
+EFFECTS = Path("reports/studies/effects.json")
+VARIANT_CLAIMS = Path("reports/studies/variants.json")
 
 STORE = Path(".work")  # content-addressed, one folder a kind
 LOG = STORE / "error.log"

@@ -1,20 +1,19 @@
 """Where and when artifacts were made: what depends on the machine, and so enters no artifact and no report.
 
-Each artifact that is computed adds a line to .work/provenance.jsonl. `python -m stages.base.provenance` (`make publish`)
-writes reports/published-on.json from the lines of the published artifacts, for readers and for stages.commands.verify.
+Each artifact that is computed adds a line to .work/provenance.jsonl. `make publish` sums up those of the published
+artifacts in reports/published-on.json.
 """
 
 import functools
 import json
 import os
 import platform
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from mimo.record import artifact, identity
-from stages.base import console, paths
+from mimo.record import identity
+from stages.base import paths
 
 # Instructions by which numpy, torch, MKL, glibc, Mesa choose kernels; sums and exponentials may differ.
 CHOOSING = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512bw", "avx512dq", "avx512vl", "amx_tile", "asimd", "sve")
@@ -92,32 +91,3 @@ def _cpuinfo() -> dict[str, str]:
         for key, colon, value in (line.partition(":") for line in first.splitlines())
         if colon
     }
-
-
-def publish() -> None:
-    """Say on which machines, and from when to when, the published artifacts were made."""
-    published = {entry["digest"]: entry["schema"] for entry in json.loads(paths.ARTIFACTS.read_text()).values()}
-    known = [line for line in lines() if line["digest"] in published]
-    missing = published.keys() - {line["digest"] for line in known}
-    if missing:
-        raise console.StageError(
-            f"{len(missing)} of {len(published)} published artifacts were not computed in this folder; "
-            "run `make publish` where they were, and copy reports/published-on.json."
-        )
-    last = {line["digest"]: line for line in known}  # the last time each was computed
-    machines: list[dict[str, Any]] = []
-    for line in last.values():
-        own = {key: line.get(key) for key in machine()}
-        if own not in machines:
-            machines.append(own)
-    made: dict[str, dict[str, Any]] = {}
-    for line in sorted(last.values(), key=lambda line: line["at"]):
-        entry = made.setdefault(line["schema"], {"artifacts": 0, "first": line["at"]})
-        entry["artifacts"] += 1
-        entry["last"] = line["at"]
-    text = json.dumps({"machines": machines, "made": made}, indent=2)
-    artifact.publish(f"{text}\n".encode(), paths.PUBLISHED_ON)
-
-
-if __name__ == "__main__":
-    sys.exit(console.main(publish))

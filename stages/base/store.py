@@ -12,7 +12,8 @@ from mimo.record import artifact
 from stages.base import paths, provenance
 
 # Kinds of artifact, as their schemas call them.
-FRAME, SCALE, EFFECT, RUN, RESULTS, VARIANTS = "frame", "scale", "effect", "run", "results", "variants"
+FRAME, ENCODER, SCALE, EFFECT = "frame", "encoder", "scale", "effect"
+RUN, RESULTS, VARIANTS = "run", "results", "variants"
 
 
 def sight(held: artifact.Artifact) -> str:

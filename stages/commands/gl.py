@@ -1,4 +1,4 @@
-"""`python -m stages.commands.gl`: can this machine draw without a screen? With `--install`, make it so (Debian, as root)."""
+"""`python -m stages.commands.gl`: can this machine draw without a screen? `--install` makes it so (Debian, as root)."""
 
 import argparse
 import os

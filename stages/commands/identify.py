@@ -1,4 +1,4 @@
-"""`python -m mimo.record.identity ARTIFACT`: all that an artifact depends on, and whether the working tree would make it so.
+"""`python -m stages.commands.identify FILE`: all that an artifact depends on, and whether the tree would make it so.
 
 The exit code is 0 if it matches the tree, 1 if it does not; then the inputs that changed are named.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 from mimo.learning import experiment
 from mimo.record import artifact, identity
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
 from mimo.vision import encoder
@@ -25,7 +25,7 @@ Inputs = Mapping[str, Any]
 
 def main(arguments: list[str] | None = None) -> int:
     """Print what the artifact was made from, then how the working tree differs."""
-    parser = argparse.ArgumentParser(prog="python -m mimo.record.identity", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m stages.commands.identify", description=__doc__)
     parser.add_argument("artifact", type=Path, help="an HDF5 file of this project, under data/ or .work/")
     try:
         return identify(parser.parse_args(arguments).artifact)
@@ -85,11 +85,11 @@ def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     assert held.inputs is not None
     sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
     parts = path.resolve().parts
-    variants = {"": p} | {name: params.varied(p, name) for name in p.sweeps.variants}
+    variants = {"": p} | _variants(p)
     if paths.VARIANTS.name in parts:
         name = parts[len(parts) - 1 - parts[::-1].index(paths.VARIANTS.name) + 1]
         if name not in variants:
-            raise console.StageError(f"{path} is of the variant {name!r}, which params.yaml has no more.")
+            raise console.StageError(f"{path} is of the variant {name!r}, which studies/params.yaml has no more.")
         variants = {name: variants[name]}
     elif paths.STORE.name not in parts:
         variants = {"": p}
@@ -98,20 +98,25 @@ def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
         place = store.place(store.SCALE, digest) if name else paths.SCALES
         # A variant's scales may not have been measured here: then the file's are taken for right.
         found = sweep.scales(place) if place.exists() else held.inputs["scales"]
-        cell = str(held.about["condition"]), str(held.about["reward"]), int(held.about["seed"])
-        yield experiment.inputs(own, *cell, sight, found)
+        cell = str(held.about["condition"]), str(held.about["reward"])
+        yield experiment.inputs(own, *cell, sight, found) | {"seed": int(held.about["seed"])}
+
+
+def _variants(p: Params) -> dict[str, Params]:
+    return {name: params.changed(p, variant.set) for name, variant in studies.load(p).sweeps.variants.items()}
 
 
 def _scales(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
-    for own in (p, *(params.varied(p, name) for name in p.sweeps.variants)):
+    for own in (p, *_variants(p).values()):
         yield scales.digest(own, sight).inputs
 
 
 def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     sight = store.sight(artifact.read(paths.ENCODER, encoder.SCHEMA))
-    for own in (p, *(params.changed(p, values) for values in p.effects.alternatives.values())):
-        yield effects.digest(own, sight).inputs
+    asked = studies.load(p).effects
+    for own in (p, *(params.changed(p, values) for values in asked.alternatives.values())):
+        yield effects.digest(own, asked, sight).inputs
 
 
 def _frames(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:

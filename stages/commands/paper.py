@@ -1,6 +1,6 @@
-"""`python -m stages.commands.paper` (`make paper`): `dvc repro`, then a line: how many artifacts are new, how many as published.
+"""`python -m stages.commands.paper` (`make paper`): `dvc repro`, and how many artifacts are new, how many as published.
 
-Published is what git's HEAD says in reports/artifacts.json, or, where there is no git, what the file says beforehand.
+Published is what git's HEAD says in the catalogue, or, where there is no git, what the file says beforehand.
 """
 
 import subprocess
@@ -15,34 +15,45 @@ GIT = Path(".git")  # not there in an archive of the project
 
 
 def main() -> int:
-    """Reproduce, then compare; the exit code is that of `dvc repro`, since a changed result is no fault by itself."""
+    """Reproduce the paper, then compare."""
+    return reproduce(["repro"], paths.ARTIFACTS, ["dvc.lock", "reports", ":!reports/studies*"])
+
+
+def reproduce(command: list[str], listed: Path, made: list[str]) -> int:
+    """Run DVC, then compare; the exit code is DVC's, since a changed result is no fault by itself.
+
+    Args:
+        command: DVC's.
+        listed: the catalogue of the artifacts that the command makes.
+        made: what else it makes that git holds, as git names it.
+    """
     start = paths.PROVENANCE.stat().st_size if paths.PROVENANCE.exists() else 0
-    listed = _listed()
-    code = dvc.run(["repro"])
+    before = _published(listed)
+    code = dvc.run(command)
     if code:
         print("`dvc repro` did not finish; what was finished is kept, and the same command goes on.", file=sys.stderr)
         return code
-    print(summary(start, listed))
+    print(f"{_compared(listed, before, start)}{_changed(made)}.")
     return 0
 
 
-def _listed() -> str | None:
-    """reports/artifacts.json as published; None if nothing is."""
+def _published(listed: Path) -> str | None:
+    """The catalogue as published; None if nothing is."""
     if not GIT.exists():
-        return paths.ARTIFACTS.read_text() if paths.ARTIFACTS.exists() else None
-    shown = subprocess.run(["git", "show", f"HEAD:./{paths.ARTIFACTS}"], check=False, capture_output=True, text=True)
+        return listed.read_text() if listed.exists() else None
+    shown = subprocess.run(["git", "show", f"HEAD:./{listed}"], check=False, capture_output=True, text=True)
     return shown.stdout if shown.returncode == 0 else None
 
 
-def summary(start: int, listed: str | None) -> str:
+def _compared(listed: Path, before: str | None, start: int) -> str:
     """How many artifacts there are, were computed since byte `start` of the provenance, and equal the published."""
-    here = catalogue.published(paths.ARTIFACTS.read_text())
+    here = catalogue.published(listed.read_text())
     computed = {line["digest"] for line in provenance.lines(start)}
     anew = sum(entry["digest"] in computed for entry in here.values())
     said = f"{len(here)} artifacts, {anew} of them recomputed"
-    if listed is None:
-        return f"{said}; there are no published ones to compare with."
-    published = catalogue.published(listed)
+    if before is None:
+        return f"{said}; there are no published ones to compare with"
+    published = catalogue.published(before)
     contents = {path: entry["content"] for path, entry in published.items()}
     differ = [str(path) for path, entry in here.items() if contents.get(path) != entry["content"]]
     gone = len(published.keys() - here.keys())
@@ -51,17 +62,21 @@ def summary(start: int, listed: str | None) -> str:
         said += f", {len(differ)} do not: {', '.join(differ[:SHOWN])}{', ...' if len(differ) > SHOWN else ''}"
     if gone:
         said += f", {gone} published are no more"
-    if not GIT.exists():
-        return f"{said}."
-    changed = subprocess.run(
-        ["git", "status", "--porcelain", "--", "dvc.lock", "reports"], check=False, capture_output=True, text=True
-    ).stdout.split("\n")[:-1]
-    same = (
-        f"{len(changed)} files of dvc.lock and reports/ differ"
-        if changed
-        else "dvc.lock and reports/ are the same bytes"
-    )
-    return f"{said}; {same}."
+    return said
+
+
+def _changed(made: list[str]) -> str:
+    """What git says of the files that the command made; empty where git knows none of them."""
+    if (
+        not GIT.exists()
+        or not subprocess.run(["git", "ls-files", "--", *made], capture_output=True, check=False).stdout
+    ):
+        return ""
+    status = ["git", "status", "--porcelain", "--", *made]
+    changed = subprocess.run(status, check=False, capture_output=True, text=True).stdout.splitlines()
+    if changed:
+        return f"; {len(changed)} other files that git holds differ"
+    return "; dvc.lock and reports are the same bytes"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""`python -m stages.commands.preview`: the whole pipeline, small, in a folder of its own; published results stay as they are."""
+"""`python -m stages.commands.preview` (`make preview`): both pipelines, small, in a folder of their own.
+
+Published results stay as they are.
+"""
 
 import argparse
 import filecmp
@@ -9,66 +12,49 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from typing import Any
 
-import yaml
-
-from mimo.settings import params
-from stages.base import dvc
+from mimo.settings.errors import Fault
+from stages.base import dvc, overlay
 
 FOLDER = Path(".work/preview")
-OVERRIDES = "params.preview.yaml"
 MARK = ".preview"  # lies in every folder made here; no other folder is ever written to
-RESULTS = ("data", "reports", "dvc.lock")  # never copied: the preview makes its own
-KEPT = {*RESULTS, ".work", ".dvc", MARK, "params.yaml"}  # stays between calls, so that a second preview is quick
+RESULTS = {"data", "reports", "dvc.lock", "studies/dvc.lock"}  # never copied: the preview makes its own
+# What stays between calls, so that a second preview is quick.
+KEPT = {*RESULTS, ".work", ".dvc", MARK, *map(str, overlay.FILES)}
 NO_GIT = {".git", ".venv", *RESULTS, ".work", ".dvc"}  # what to leave out where git cannot say
-REPLACED = {("effects", "alternatives"), ("sweeps", "variants")}  # sections of names that the overrides choose
 DVC_CONFIG = "[core]\n    no_scm = true\n    analytics = false\n    check_update = false\n"
 
 
-class PreviewError(ValueError):
+class PreviewError(Fault, ValueError):
     """The preview cannot be prepared; the message is one sentence."""
 
 
 def prepare(source: Path, folder: Path) -> None:
-    """Make `folder` a small-scale copy of the project in `source`: its code, and params.yaml with the overrides.
+    """Make `folder` a small-scale copy of the project in `source`: its code, and its settings with the overrides.
 
     Args:
         source: The project's top folder.
         folder: Where the copy goes; absent, empty, or made by an earlier call, whose results are kept.
 
     Raises:
-        PreviewError: `folder` holds something else, or the overrides do not fit params.yaml.
-        mimo.settings.params.ParamsError: params.yaml, with or without the overrides, does not hold.
+        PreviewError: `folder` holds something else.
+        OverlayError: overrides do not fit params.yaml or studies/params.yaml.
+        mimo.settings.files.ParamsError: one of these, with or without the overrides, does not hold.
     """
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).is_file():
         raise PreviewError(f"{folder} was not made by an earlier preview; name an empty folder or remove it.")
-    small = merged_params(source)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
-    _write_params(small, folder / "params.yaml")
+    overlay.write(source, folder)
     wanted = {
         path
         for path in project_files(source)
-        if path.parts[0] not in KEPT and not (source / path).resolve().is_relative_to(folder.resolve())
+        if not _among(path, KEPT) and not (source / path).resolve().is_relative_to(folder.resolve())
     }
     for path in wanted:
         _copy(source / path, folder / path)
     _drop_others(folder, wanted)
     _init_dvc(folder)
-
-
-def merged_params(source: Path) -> dict[str, Any]:
-    """params.yaml, checked first so that each fault names its file, with params.preview.yaml laid over it."""
-    params.load(source / "params.yaml")
-    whole: dict[str, Any] = yaml.safe_load((source / "params.yaml").read_text())
-    try:
-        overrides = yaml.safe_load((source / OVERRIDES).read_text())
-    except FileNotFoundError:
-        raise PreviewError(f"{OVERRIDES} is missing; restore it from the repository.") from None
-    except yaml.YAMLError as error:
-        raise PreviewError(f"{OVERRIDES} is not valid YAML: {error}") from None
-    return _merge(whole, overrides, ())
 
 
 def project_files(source: Path) -> set[PurePosixPath]:
@@ -93,48 +79,19 @@ def main(arguments: list[str] | None = None) -> int:
     began = time.monotonic()
     try:
         prepare(Path.cwd(), options.folder)
-    except (PreviewError, params.ParamsError) as error:
+    except Fault as error:
         print(error, file=sys.stderr)
         return 1
     if options.prepare_only:
         print(f"Prepared {options.folder}.")
         return 0
-    code = dvc.run(["repro"], options.folder)
+    code = dvc.run(["repro", "--all-pipelines"], options.folder)
     if code:
         print(f"The preview in {options.folder} failed; what went wrong is above.", file=sys.stderr)
         return code
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
     print(f"Preview: {options.folder / 'reports' / 'index.html'} ({minutes} min {seconds} s).")
     return 0
-
-
-def _merge(whole: dict[str, Any], overrides: Any, above: tuple[str, ...]) -> dict[str, Any]:
-    """Lay `overrides` over `whole`, section by section but for REPLACED; a key that `whole` has not is refused."""
-    here = ".".join(above) or "the file"
-    if not isinstance(overrides, dict):
-        raise PreviewError(f"{OVERRIDES}: {here} must be a section of keys and values, as in params.yaml.")
-    merged = dict(whole)
-    for key, value in overrides.items():
-        path = (*above, str(key))
-        if key not in whole:
-            raise PreviewError(f"{OVERRIDES}: {'.'.join(path)} is not in params.yaml; rename or remove it.")
-        deeper = isinstance(whole[key], dict) and path not in REPLACED
-        merged[key] = _merge(whole[key], value, path) if deeper else value
-    return merged
-
-
-def _write_params(small: dict[str, Any], target: Path) -> None:
-    """Write, check under a name that says whence the values come, and only then replace what stages depend on."""
-    draft = target.with_name(f"params.yaml+{OVERRIDES}")
-    draft.write_text(
-        f"# By `python -m stages.commands.preview` from params.yaml and {OVERRIDES}.\n"
-        + yaml.safe_dump(small, sort_keys=False)
-    )
-    try:
-        params.load(draft)
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _copy(origin: Path, target: Path) -> None:
@@ -158,12 +115,16 @@ def _drop_others(folder: Path, wanted: set[PurePosixPath]) -> None:
 
 
 def _walk(folder: Path, leave_out: set[str]) -> Iterator[Path]:
-    """Every file below `folder`, but for the named entries at its top and for Python's caches."""
+    """Every file below `folder`, but for the named files and folders and Python's caches."""
     for top, names, files in os.walk(folder):
-        here = Path(top)
-        skipped = leave_out if here == folder else set()
-        names[:] = [name for name in names if name not in skipped and name != "__pycache__"]
-        yield from (here / name for name in files if name not in skipped)
+        here = PurePosixPath(Path(top).relative_to(folder))
+        names[:] = [name for name in names if name != "__pycache__" and not _among(here / name, leave_out)]
+        yield from (Path(top) / name for name in files if not _among(here / name, leave_out))
+
+
+def _among(path: PurePosixPath, named: set[str]) -> bool:
+    """Whether a file is named, or is in a folder that is."""
+    return any(path.is_relative_to(name) for name in named)
 
 
 def _init_dvc(folder: Path) -> None:

@@ -6,6 +6,7 @@ dvc.lock and reports/ travel by git.
 
 import argparse
 import sys
+from pathlib import Path
 
 from stages.base import console, dvc
 
@@ -34,7 +35,8 @@ def push() -> None:
     Raises:
         console.StageError: dvc.lock is not what the tree gives, so others could not tell what they get; or DVC fails.
     """
-    if dvc.run(["status", "--quiet"]):
+    pipelines = ["dvc.yaml", *(["studies/dvc.yaml"] if Path("studies/dvc.lock").exists() else [])]
+    if dvc.run(["status", "--quiet", *pipelines]):
         raise console.StageError(
             "dvc.lock does not fit the files here (`dvc status` says where); run `dvc repro` first."
         )

@@ -1,4 +1,4 @@
-"""`python -m stages.commands.verify` (`make verify`): compute some artifacts again and compare them with the published ones.
+"""`python -m stages.commands.verify` (`make verify`): compute some artifacts again, compare with the published ones.
 
 The encoder at preview scale from the published frames (stages.trial), and a sample of the published runs, each at full
 length. Says OK, or which artifact and which dataset differs first, and by how much. Nothing is written.
@@ -145,7 +145,7 @@ def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, wo
         if run.digest != listed[path]["digest"] and _other_inputs(run.digest, path):
             raise console.StageError(
                 f"{path}: params.yaml or the code asks for another run than the published one; "
-                f"`python -m mimo.record.identity {path}` says which input changed."
+                f"`python -m stages.commands.identify {path}` says which input changed."
             )
         todo[str(path)] = partial(_one, job, run)
     with console.Progress("Runs", len(todo), "runs") as progress:

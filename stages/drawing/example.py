@@ -1,18 +1,18 @@
 """One agent step with all that its rewards are computed from: real frames, real physics, models that learned from both.
 
-The step is one of those whose frames mimo.vision.collect recorded for the encoder, under the resting policy. Its actions are
-drawn again, its physics computed again, update by update; the frame at its end is the recorded one, byte for byte.
+The step is one of those whose frames mimo.vision.collect recorded for the encoder, under the resting policy. Its
+actions are drawn again, its physics computed again, update by update; the frame at its end is the recorded one, byte
+for byte.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from mimo.learning import rewards
-from mimo.learning.experiment import initial_quantiles
-from mimo.learning.outcomes import Outcomes, taus
+from mimo.learning.experience import Perception, untaught
+from mimo.learning.outcomes import taus
 from mimo.record import artifact, streams
 from mimo.settings import params
 from mimo.vision import collect, encoder
@@ -68,35 +68,29 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
     limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
     step = 1 + int(limb.argmax())  # the first has no frame before it
     trained = encoder.load(held)
-    extract = encoder.Extractor(p.encoder, trained)
-    memory = streams.generator(p.seed, CONDITION, 0, "memory")
-    outcomes = Outcomes(p.outcomes, initial_quantiles(p, trained), [memory])
+    outcomes = untaught(p, trained, [streams.generator(p.seed, CONDITION, 0, "memory")])
+    perception = Perception(encoder.Extractor(p.encoder, trained), own[1, 0, 1:], outcomes)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
-    latent = torch.empty(0)
     for world, end in ends:
-        latent = extract(own[world, end, 1:])
-        outcomes.update(torch.from_numpy(moved[world, end : end + 1]), latent)
+        perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:])
+    conditional, marginal = outcomes.conditional[0].numpy().copy(), outcomes.marginal[0].numpy().copy()
     path = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1])
-    action = torch.from_numpy(moved[:1, step])
-    transition = rewards.Transition(
-        path_length=torch.from_numpy(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)).float(),
-        latent_before=latent,
-        latent=extract(own[0, step, 1:]),
-        action=action,
-        influence=outcomes.influence(),
-        expectation=outcomes.expectation(action),
-    )
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)
+    transition = perception.transition(moved[:1, step], length, own[0, step, 1:])
     return Example(
         step=step,
         learned=len(ends),
         frames=own[0, [step - 1, step], 1],
         path=path,
         transition=transition,
-        conditional=outcomes.conditional[0].numpy(),
-        marginal=outcomes.marginal[0].numpy(),
+        conditional=conditional,
+        marginal=marginal,
         levels=taus(p.outcomes.quantiles).numpy(),
-        rewards={name: _values(kind(p.rewards)(transition)) for name, kind in rewards.REWARDS.items()},
+        rewards={
+            part.name: part(transition)[0].numpy().copy()
+            for part in rewards.parts("_".join(rewards.REWARDS), p.rewards)
+        },
     )
 
 
@@ -117,14 +111,9 @@ def _path(p: params.Params, built: Scene, moved: np.ndarray, positive: np.ndarra
     """
     noise = streams.generator(p.seed, CONDITION, int(ROPE), "collect_noise")
     worlds = Worlds(built, p.protocol, getattr(p.conditions, CONDITION).force, [noise])
-    *before, last = (worlds.torque(moved[:, step], positive[:, step]) for step in range(moved.shape[1]))
-    for torque in before:
-        worlds.step(torque, ROPE)
-    control, path = worlds.control(last), [worlds.centre_of_mass]
-    path += [worlds.advance(update, ROPE).centre_of_mass for update in np.split(control, control.shape[1], axis=1)]
+    for step in range(moved.shape[1] - 1):
+        worlds.step(moved[:, step], positive[:, step], ROPE)
+    path = [worlds.centre_of_mass]
+    cuts = range(1, p.protocol.updates_per_step)
+    path += [outcome.centre_of_mass for outcome in worlds.pieces(moved[:, -1], positive[:, -1], ROPE, cuts)]
     return np.concatenate(path)
-
-
-def _values(reward: Tensor) -> np.ndarray:
-    values: np.ndarray = reward[0].numpy().copy()
-    return values

@@ -15,7 +15,7 @@ from mimo.settings import params
 from mimo.world import body, eye
 from mimo.world.protocol import PHASES, steps
 from mimo.world.scene import Scene
-from stages.drawing import portrait
+from stages.drawing import camera
 from stages.drawing.style import (
     COLOURS,
     DPI,
@@ -48,8 +48,8 @@ def setting(p: params.Params, built: Scene, seen: np.ndarray) -> Figure:
         seen: (128, 128, 3) uint8, what the right eye sees while the rope is on.
     """
     figure, ax = page(143.0)
-    side = INCH * portrait.PIXELS / DPI  # a pixel of the picture is a pixel of the PNG
-    picture(inset(figure, (1, 56), side, side), portrait.draw(built))
+    side = INCH * camera.STILL / DPI  # a pixel of the picture is a pixel of the PNG
+    picture(inset(figure, (1, 56), side, side), camera.still(built, p.protocol.limb, COLOURS["cais"]))
     picture(inset(figure, (2, 112), 23, 23), seen)
     note(ax, (13.5, 110), "the right eye's view")
     note(ax, (42, 97), "rope", color=ROPE_COLOUR, ha="right")

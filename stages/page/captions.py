@@ -8,9 +8,8 @@ from typing import Any
 
 from mimo.science import analysis
 from mimo.settings.params import Params
-from stages.base import console, paths
+from stages.base import console, origin, paths
 from stages.base.numbers import number
-from stages.page import origin
 
 KINDS = ("svg", "pdf", "png")  # of a figure's files
 _RESULTS, _ENCODER, _FRAMES = str(paths.RESULTS), str(paths.ENCODER), str(paths.FRAMES)
@@ -136,7 +135,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Film:
-    """A film beside the page: whose run, its file, the picture before it plays, and stages.page.origin's account of it."""
+    """A film beside the page: whose run, its file, the picture before it plays, and its origin."""
 
     heading: str
     run: str

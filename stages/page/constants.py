@@ -1,4 +1,4 @@
-"""params.yaml as a table: every constant, its value, whether it is the paper's or ours, and why."""
+"""A file of settings as a table: every constant, its value, whether it is the paper's or ours, and why."""
 
 import re
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import yaml
 
 @dataclass(frozen=True)
 class Constant:
-    """A line of params.yaml; `source` is paper, ours, or both."""
+    """A line of the file; `source` is paper, ours, or both."""
 
     key: str
     value: str
@@ -17,13 +17,13 @@ class Constant:
 
 
 def constants(text: str) -> list[Constant]:
-    """Every constant of params.yaml with the comment on its line, every variant with what it asks.
+    """Every constant with the comment on its line, every variant with what it asks.
 
     Args:
-        text: params.yaml.
+        text: params.yaml or studies/params.yaml.
     """
     root = yaml.compose(text)
-    assert root is not None  # mimo.settings.params has checked the file
+    assert root is not None  # mimo.settings has checked the file
     return _constants(root, text.splitlines(), ())
 
 

@@ -1,15 +1,16 @@
-"""From published runs to curves stacked over seeds, and these as datasets: of the paper's own cells, or a variant's."""
+"""From published runs to curves stacked over seeds, to datasets, and back: of the paper's cells, or a variant's."""
 
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mimo.record import artifact
-from mimo.science import analysis
+from mimo.science import analysis, claims, judgement
 from mimo.settings.params import Params
 from mimo.world import body
 from mimo.world.protocol import PHASES
@@ -112,6 +113,33 @@ def ends(windows: Mapping[str, slice]) -> dict[str, artifact.Dataset]:
         )
         for name, steps in windows.items()
     }
+
+
+def phases_of(held: artifact.Artifact) -> dict[str, slice]:
+    """The phases' steps."""
+    baseline, attached, extinction = (int(held.about[f"{name}_steps"]) for name in PHASES)
+    return analysis.phases(baseline, attached, extinction)
+
+
+def curves_of(held: artifact.Artifact, above: str = "") -> dict[tuple[str, str], dict[str, np.ndarray]]:
+    """Curves, (seed, step) by name, of each condition and reward.
+
+    Args:
+        held: its datasets are `<above><condition>/<reward>/<curve>`, beside others.
+        above: `<variant>/` for those of a variant.
+    """
+    found: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+    for name, dataset in held.datasets.items():
+        parts = name.removeprefix(above).split("/", 2)
+        if name.startswith(above) and len(parts) == 3:
+            condition, reward, curve = parts
+            found.setdefault((condition, reward), {})[curve] = dataset.values
+    return found
+
+
+def judged(held: artifact.Artifact, above: str = "") -> list[dict[str, Any]]:
+    """The claims of mimo.science.claims with their verdicts, from an artifact of curves; `above` as in `curves_of`."""
+    return judgement.evaluate(curves_of(held, above), analysis.windows(phases_of(held)), claims.CLAIMS)
 
 
 def _digests(manifests: Iterable[Path]) -> dict[Path, str]:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mimo.learning import calibrate
+from mimo.learning import calibrate, rewards
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
 from mimo.vision import encoder
@@ -25,7 +25,7 @@ def digest(p: Params, encoder_hash: str) -> identity.Digest:
             "temperature": p.agent.temperature,
         },
         "encoder": encoder_hash,
-        "code": identity.code("mimo.learning.calibrate"),
+        "code": identity.code("mimo.learning.calibrate", *rewards.modules("_".join(rewards.REWARDS))),
         "versions": identity.versions(),
     }
     return identity.Digest(inputs)

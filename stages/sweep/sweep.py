@@ -93,7 +93,7 @@ def wanted(job: Job) -> list[Run]:
 def runs_of(job: Job, encoder_hash: str, variant: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
     """The runs of one cell, with the digests that the code on this machine gives them."""
     grid = job.grids[variant]
-    read = experiment.inputs(grid.params, condition, reward, 0, encoder_hash, grid.scales)
+    read = experiment.inputs(grid.params, condition, reward, encoder_hash, grid.scales)
     return [Run(condition, reward, seed, identity.Digest({**read, "seed": seed}), variant) for seed in seeds]
 
 

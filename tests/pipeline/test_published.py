@@ -142,14 +142,14 @@ def test_a_sample_is_not_compared_with_what_the_tree_would_not_make(project: Pat
     edit(project, ("agent.gamma", 0.2))
     said = python(project, "stages.commands.verify", "--runs", "1")
     assert said.returncode == 1
-    assert "asks for another run than the published one; `python -m mimo.record.identity data/runs/" in said.stderr
+    assert "asks for another run than the published one; `python -m stages.commands.identify data/runs/" in said.stderr
 
 
 # Identity.
 
 
 def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -> None:
-    said = python(project, "mimo.record.identity", str(RUN))
+    said = python(project, "stages.commands.identify", str(RUN))
     assert said.returncode == 0, said.stderr
     lines = said.stdout.splitlines()
     assert lines[-1] == "It matches the working tree."
@@ -160,12 +160,12 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
         said = python(project, "mimo.record.identity", f"data/{other}.h5")
         assert said.stdout.endswith("It matches the working tree.\n"), other
     variant = paths.run("free", "cais", 0, "greedy")
-    assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "mimo.record.identity", str(variant)).stdout
+    assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "stages.commands.identify", str(variant)).stdout
 
     edit(project, ("agent.gamma", 0.2))
     agent = project / "mimo/learning/outcomes.py"
     agent.write_text(agent.read_text().replace("1) / (quantiles + 1)", "1) / (quantiles + 2)"))
-    said = python(project, "mimo.record.identity", str(RUN))
+    said = python(project, "stages.commands.identify", str(RUN))
     assert said.returncode == 1
     heading, code, gamma = said.stdout.splitlines()[-3:]
     assert heading == "It does not match the working tree; what differs (2):"

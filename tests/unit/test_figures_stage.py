@@ -13,8 +13,8 @@ from mimo.record import artifact
 from mimo.settings import params
 from mimo.vision import encoder
 from stages import figures
-from stages.base import paths, store
-from stages.page import captions, origin
+from stages.base import origin, paths, store
+from stages.page import captions
 
 ROOT = Path(__file__).resolve().parents[2]
 REDRAWN = ("fig1", "fig3", "reconstructions")  # with text, curves and images; the others take long and have the same

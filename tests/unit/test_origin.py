@@ -9,8 +9,7 @@ import yaml
 
 from mimo.record import artifact, identity
 from mimo.record.artifact import Dataset
-from stages.base import console
-from stages.page import origin
+from stages.base import console, origin
 
 TARGET = Path("reports/drawn.json")
 DATA = Path("data/all.h5")

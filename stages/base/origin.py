@@ -14,14 +14,15 @@ import yaml
 from mimo.record import artifact, identity
 from stages.base import console, paths
 
+CODE = ("mimo/", "stages/")
 NAME = "origin.json"  # in a folder that one stage fills
 
 
 def write(stage: str, target: Path, data: Iterable[Path]) -> None:
     """Publish what the stage's output was made by; for the end of its `main`.
 
-    It has `stage`, `command`, `digest` (of `code` and `params` together), `code` (hash of each file's syntax tree),
-    `params` (values by key) and `data` (content hash by path). Which code and parameters these are dvc.yaml says.
+    It has `stage`, `command`, `digest` (of `code` and `params` together), `code` (by file or folder, hash of the syntax
+    trees there), `params` (values by key) and `data` (content hash by path). dvc.yaml says which code and parameters.
 
     Args:
         stage: as `dvc repro` takes it, so with its cell if it has a matrix: `film@free`.
@@ -29,7 +30,7 @@ def write(stage: str, target: Path, data: Iterable[Path]) -> None:
         data: the artifacts that the stage has read, and so verified.
     """
     entry = yaml.safe_load((identity.ROOT / "dvc.yaml").read_text())["stages"][stage.partition("@")[0]]
-    code = {dep: identity.syntax(identity.ROOT / dep) for dep in entry["deps"] if dep.endswith(".py")}
+    code = {dep: _syntax(identity.ROOT / dep) for dep in entry["deps"] if dep.startswith(CODE)}
     settings = yaml.safe_load(paths.PARAMS.read_text())
     values = {key: _value(settings, key) for key in entry.get("params", [])}
     made = {
@@ -54,6 +55,13 @@ def read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as fault:
         raise console.StageError(f"{path} is missing or damaged; run `dvc repro`.") from fault
     return made
+
+
+def _syntax(place: Path) -> str:
+    """Of a file, or of all Python files in a folder."""
+    if place.is_file():
+        return identity.syntax(place)
+    return identity.Digest({str(file.relative_to(place)): identity.syntax(file) for file in place.rglob("*.py")})
 
 
 def _value(settings: Any, key: str) -> Any:

@@ -1,6 +1,8 @@
-"""The infant under the mobile in third person: the real scene with a camera, light and colours of the film's own."""
+"""The infant under the mobile in third person, for film and figure 1: the real scene, in light for readers."""
 
 import copy
+from contextlib import closing
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -16,14 +18,33 @@ SHIRT, SHORTS, SKIN, WOOD, SHEET = (
 )  # fmt: skip
 CLOTHES = {body.SHIRT: SHIRT, body.TROUSERS: SHORTS, body.WHITE: SKIN, body.SKIN: SKIN}
 WALL = (0.47, 0.50, 0.53, 0.99)  # not opaque, so that no shadow is computed on it: a fifth of the time
-LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.02, 0.0, 0.22), 1.2, 255.0, -11.0  # m, degrees; from the left
-VIEW_ANGLE = 35.0  # degrees
 WALL_DISTANCE, WALL_SIZE = 4.0, 6.0  # m
 RING = (0.3, 0.3, 0.3, 1.0)
 ROPE_WIDTH = 0.005  # m; the scene's 2 mm are less than a pixel
+STILL = 640  # pixels a side
+FINER = 2  # pixels drawn for one shown, each way: smooth edges without multisampling, which drivers do differently
 
 
-class View:
+@dataclass(frozen=True)
+class Place:
+    """Where the camera stands: what it looks at, in m, how far from it, in m, and at what angles, in degrees.
+
+    `wall` is whether there is a wall behind the scene; else what is behind is black.
+    """
+
+    look_at: tuple[float, float, float]
+    distance: float
+    azimuth: float
+    elevation: float
+    view_angle: float
+    wall: bool
+
+
+FROM_THE_LEFT = Place((0.02, 0.0, 0.22), 1.2, 255.0, -11.0, 35.0, True)
+FROM_THE_FEET = Place((0.0, 0.0, 0.27), 1.5, 206.0, -34.0, 45.0, False)
+
+
+class Camera:
     """Renders worlds of one scene. Close it: contextlib.closing does so after a block.
 
     Args:
@@ -31,18 +52,22 @@ class View:
         limb: what the rope is tied to; the camera is on its side.
         colour: of that limb, as matplotlib names it.
         size: height and width in pixels.
+        place: where it stands if the limb is a left one; else mirrored.
     """
 
-    def __init__(self, scene: Scene, limb: str, colour: str, size: tuple[int, int]) -> None:
+    def __init__(
+        self, scene: Scene, limb: str, colour: str, size: tuple[int, int], place: Place = FROM_THE_LEFT
+    ) -> None:
         side, end = limb.split("_")
         mirror = 1 if side == "left" else -1
         self._model = copy.copy(scene.model)
         self._data = mujoco.MjData(self._model)
-        self._light(mirror, size)
+        self._light(mirror, size, place.view_angle)
         self._dress(side, ARMS if end == "hand" else LEGS, colour, mirror)
         self._camera = mujoco.MjvCamera()
-        self._camera.lookat[:], self._camera.distance = LOOK_AT, DISTANCE
-        self._camera.azimuth, self._camera.elevation = mirror * AZIMUTH, ELEVATION
+        self._camera.lookat[:], self._camera.distance = place.look_at, place.distance
+        self._camera.azimuth, self._camera.elevation = mirror * place.azimuth, place.elevation
+        self._wall = place.wall
         self._option = mujoco.MjvOption()
         self._renderer = runtime.renderer(self._model, *size)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -53,7 +78,8 @@ class View:
         mujoco.mj_forward(self._model, self._data)
         self._option.tendongroup[:] = self._option.sitegroup[:] = attached  # the rope, and the ring it runs through
         self._renderer.update_scene(self._data, self._camera, self._option)
-        self._hang_wall(self._renderer.scene)
+        if self._wall:
+            self._hang_wall(self._renderer.scene)
         picture: np.ndarray = self._renderer.render()
         return picture
 
@@ -61,11 +87,11 @@ class View:
         """Free the GL context."""
         self._renderer.close()
 
-    def _light(self, mirror: int, size: tuple[int, int]) -> None:
+    def _light(self, mirror: int, size: tuple[int, int], view_angle: float) -> None:
         """A lamp above, where the scene's own shines from below for the eye."""
         model, visual = self._model, self._model.vis
         visual.global_.offheight, visual.global_.offwidth = size
-        visual.global_.fovy = VIEW_ANGLE
+        visual.global_.fovy = view_angle
         visual.quality.offsamples, visual.quality.shadowsize = 4, 1024
         visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 16, 8, 1
         visual.map.shadowclip = 0.7
@@ -113,3 +139,12 @@ class View:
         )
         wall.emission, wall.specular = 1.0, 0.0
         scene.ngeom += 1
+
+
+def still(scene: Scene, limb: str, colour: str) -> np.ndarray:
+    """(STILL, STILL, 3) uint8: the scene at rest, with the rope the infant does not see, on white (paper fig. 1A)."""
+    with closing(Camera(scene, limb, colour, (FINER * STILL, FINER * STILL), FROM_THE_FEET)) as camera:
+        pixels = camera.picture(scene.model.key_qpos[0], attached=True)
+    pixels[~pixels.any(axis=2)] = 255  # nothing but what is behind everything is black
+    shown: np.ndarray = pixels.reshape(STILL, FINER, STILL, FINER, 3).mean(axis=(1, 3)).round().astype(np.uint8)
+    return shown

@@ -1,0 +1,61 @@
+"""The intrinsic rewards (paper §3.3 to §3.5), a file each.
+
+To add one, put a file here with a subclass of Reward: params.yaml then accepts its name, alone or joined to others by
+`_`. These files load without torch, since params.py reads the names in places where torch would only cost time.
+"""
+
+import importlib
+import pkgutil
+from typing import TYPE_CHECKING
+
+from mimo.learning.rewards.reward import REWARDS, Reward, Transition
+
+if TYPE_CHECKING:
+    from mimo.settings.params import Rewards
+
+__all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "parts"]
+
+for _file in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_file.name}")
+
+
+class UnknownRewardError(LookupError):
+    """A reward's name that no class has; the message is a sentence."""
+
+
+def parts(name: str, settings: "Rewards") -> list[Reward]:
+    """The rewards that `name` adds up, in its order: `mtl_surprise` is MTL and Surprise.
+
+    Args:
+        name: of one reward, or of several joined by `_`.
+        settings: the section `rewards` of params.yaml.
+
+    Raises:
+        UnknownRewardError: a part is no reward's name.
+    """
+    return [kind(getattr(settings, kind.name, None)) for kind in _kinds(name)]
+
+
+def needs_outcomes(name: str) -> bool:
+    """Whether any part of `name` needs the outcome models.
+
+    Raises:
+        UnknownRewardError: a part is no reward's name.
+    """
+    return any(kind.needs_outcomes for kind in _kinds(name))
+
+
+def modules(name: str) -> list[str]:
+    """The modules that `name` is computed by, which decide its runs and no others.
+
+    Raises:
+        UnknownRewardError: a part is no reward's name.
+    """
+    return [kind.__module__ for kind in _kinds(name)]
+
+
+def _kinds(name: str) -> list[type[Reward]]:
+    unknown = [part for part in name.split("_") if part not in REWARDS]
+    if unknown:
+        raise UnknownRewardError(f"{name!r} has an unknown part, {unknown[0]!r}: known are {', '.join(REWARDS)}.")
+    return [REWARDS[part] for part in name.split("_")]

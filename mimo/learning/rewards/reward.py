@@ -1,0 +1,69 @@
+"""What a reward is given, and what it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from mimo.settings.section import Section
+
+REWARDS: dict[str, type[Reward]] = {}
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What an agent step of N seeds has shown by its end.
+
+    Attributes:
+        path_length: (N,), metres the mobile's centre of mass travelled during the step.
+        latent_before: (N, latent), h at the step's start.
+        latent: (N, latent), h at its end.
+        action: (N, 12) bool, True where the joint moved.
+        influence: (N, 12, 2), W1 between p(h|a) and p(h) for NO_TORQUE and MOVE; None without outcome models.
+        expectation: (N, 12, latent), E[h|a] of each joint's action; None without outcome models.
+    """
+
+    path_length: Tensor
+    latent_before: Tensor
+    latent: Tensor
+    action: Tensor
+    influence: Tensor | None = None
+    expectation: Tensor | None = None
+
+
+class Reward:
+    """A reward for each joint, in units of its own; the section `rewards` of params.yaml scales it.
+
+    Attributes:
+        name: as in params.yaml; no `_`, which joins names.
+        needs_outcomes: whether the transition must hold `influence` and `expectation`.
+        Constants: the reward's section in params.yaml, `rewards.<name>`; None if it has none.
+    """
+
+    name: ClassVar[str]
+    needs_outcomes: ClassVar[bool] = False
+    Constants: ClassVar[type[Section] | None] = None
+
+    def __init_subclass__(cls) -> None:
+        """Register the subclass under its name."""
+        if "_" in cls.name:
+            raise ValueError(f"{cls.__name__}.name is {cls.name!r}: '_' joins the names of rewards.")
+        if cls.name in REWARDS:
+            raise ValueError(f"{cls.__name__}.name is {cls.name!r}: {REWARDS[cls.name].__name__} has it already.")
+        REWARDS[cls.name] = cls
+
+    def __init__(self, constants: Any) -> None:
+        """Keep the reward's own section, or None."""
+        self.constants = constants
+
+    def __call__(self, t: Transition) -> Tensor:
+        """The reward (N, 12) of each joint for the step."""
+        raise NotImplementedError
+
+
+def length(x: Tensor) -> Tensor:
+    """Euclidean length over the last dimension."""
+    return x.square().sum(-1).sqrt()

@@ -1,0 +1,221 @@
+"""The report's pages: reports/index.html of the paper, reports/studies.html of what goes beyond it.
+
+Each is one file that holds all it shows but the films, which lie beside it, from what other stages left in reports/.
+The words are in html/, captions in captions.py.
+"""
+
+import base64
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from mimo.science import analysis
+from mimo.settings import params
+from mimo.settings import studies as settings
+from mimo.world import body
+from stages.base import console, origin, paths
+from stages.base.numbers import number
+from stages.drawing.style import COLOURS, OTHER_COLOUR
+from stages.page import captions, verdicts
+from stages.page.constants import Constant
+
+HTML = Path(__file__).with_name("html")
+PAPER = (  # sections: each has a template of its name
+    ("film", "Film"),
+    ("claims", "Claims"),
+    ("figures", "Figures"),
+    ("explore", "Explore"),
+    ("results", "Results"),
+    ("latent", "Encoder and scales"),
+    ("joints", "Joints and torques"),
+    ("constants", "Constants"),
+    ("origin", "Origin"),
+)
+STUDIES = (("decides", "What decides"), ("fair", "Is the question fair?"), ("constants", "Constants"))
+WINDOWS = {
+    "baseline": "Baseline",
+    "acquisition_early": "Early acquisition",
+    "acquisition_late": "Late acquisition",
+    "extinction_early": "Early extinction",
+    "extinction_late": "Late extinction",
+}
+
+
+@dataclass(frozen=True)
+class Made:
+    """What other stages left in reports/; each is the file of its name, parsed.
+
+    `origins` has stages.base.origin's account of the figures, then of each film.
+    """
+
+    metrics: dict[str, Any]
+    claims: dict[str, Any]
+    explore: dict[str, Any]
+    figures: list[captions.Shown]
+    films: list[captions.Film]
+    origins: list[dict[str, Any]]
+
+
+def gathered(p: params.Params) -> Made:
+    """What lies in reports/.
+
+    Raises:
+        console.StageError: something is missing or damaged.
+    """
+    metrics, films = read(paths.METRICS), captions.films(paths.FILMS, p.sweep.conditions)
+    return Made(
+        metrics,
+        read(paths.CLAIMS),
+        read(paths.EXPLORE),
+        captions.figures(metrics, paths.FIGURES, p),
+        films,
+        [origin.read(paths.FIGURES / origin.NAME), *(film.origin for film in films)],
+    )
+
+
+def index(made: Made, protocol: params.Protocol, constants: list[Constant], versions: dict[str, str]) -> str:
+    """The paper's page as HTML.
+
+    Args:
+        made: what it shows; without films, their section is left out.
+        protocol: for what is said of steps.
+        constants: the lines of params.yaml.
+        versions: of the locked environment.
+    """
+    script = (HTML / "explore.js").read_text()
+    return _rendered(
+        "index.html.j2",
+        [(name, title) for name, title in PAPER if name != "film" or made.films],
+        vars(made)
+        | {
+            "judged": made.claims,
+            "verdicts": Counter(claim["verdict"] for claim in made.claims["claims"]),
+            "rows": [
+                (condition, reward, found)
+                for condition, rewards in made.metrics["conditions"].items()
+                for reward, found in rewards.items()
+            ],
+            "explored": _explored(made.explore),
+            "protocol": protocol,
+            "joints": joints(),
+            "fixed": body.JOINTS[: body.FIXED],
+            "constants": constants,
+            "file": paths.PARAMS,
+            "versions": versions,
+            "windows": WINDOWS,
+            "results": paths.RESULTS,
+            "script": script,
+            "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        },
+    )
+
+
+def studies(
+    claims: dict[str, Any], variants: dict[str, Any], effects: dict[str, Any], constants: list[Constant]
+) -> str:
+    """The studies' page as HTML.
+
+    Args:
+        claims: reports/claims.json, which the variants are compared with.
+        variants: each variant of reports/studies/variants.json by name.
+        effects: reports/studies/effects.json.
+        constants: the lines of studies/params.yaml.
+    """
+    return _rendered(
+        "studies.html.j2",
+        STUDIES,
+        {
+            "judged": claims,
+            "variants": variants,
+            "compared": verdicts.compared(claims, variants),
+            "effects": effects,
+            "constants": constants,
+            "file": settings.PATH,
+            "script": "",
+        },
+    )
+
+
+def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[str, Any]) -> str:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(HTML),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"number": number, "spread": spread, "reward": analysis.label}
+    environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
+    environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip)}
+    environment.globals["strip_width"] = verdicts.WIDTH
+    style, level = (HTML / "style.css").read_text(), f"{100 * values['judged']['level']:g}\u00a0%"
+    return environment.get_template(template).render(values, sections=list(sections), style=style, level=level)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge of a limb, right and left alike: N m when it moves, degrees, and where its spring rests."""
+
+    name: str
+    actuated: bool
+    torque: tuple[float, float]
+    degrees: tuple[float, float]
+    rest: float
+
+
+def joints() -> list[Joint]:
+    """The limbs' joints (paper's appendix and fig. 1 D), in the order of the body."""
+    return [
+        Joint(
+            hinge.name.removeprefix("right_"),
+            hinge.name in body.ACTUATED,
+            hinge.torque,
+            hinge.degrees,
+            hinge.rest_degrees,
+        )
+        for part in body.RIGHT
+        for hinge in part.hinges
+    ]
+
+
+def versions(lock: str) -> dict[str, str]:
+    """Versions by package, from the text of requirements.lock."""
+    pinned = (line.split("==") for line in lock.splitlines() if "==" in line and not line.startswith("#"))
+    return {name.split("[")[0]: version.strip() for name, version in pinned}
+
+
+def spread(value: dict[str, float | None], digits: int = 2) -> str:
+    """Mean ± SD, or the mean alone where one seed has no SD."""
+    mean = number(value["mean"], digits)
+    return mean if value["sd"] is None else f"{mean} ± {number(value['sd'], digits)}"
+
+
+def _explored(explore: dict[str, Any]) -> dict[str, Any]:
+    """What the explorer's script reads: the curves, and how to name and colour them."""
+    conditions, rewards = (dict.fromkeys(name.split("/")[part] for name in explore["cells"]) for part in (0, 1))
+    return explore | {
+        "conditions": list(conditions),
+        "rewards": {reward: analysis.label(reward) for reward in rewards},
+        "colours": {reward: COLOURS.get(reward, OTHER_COLOUR) for reward in rewards},
+    }
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A file of reports/, parsed.
+
+    Raises:
+        console.StageError: it is missing or damaged.
+    """
+    try:
+        found: dict[str, Any] = json.loads(path.read_text())
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise console.StageError(f"{path} cannot be read ({reason}); run `dvc repro`.") from fault
+    return found

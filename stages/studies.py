@@ -1,0 +1,25 @@
+"""`python -m stages.studies`: reports/studies.html, one page with everything beyond the paper."""
+
+import sys
+
+from mimo.record import artifact
+from mimo.settings import params, studies
+from stages.base import console, paths
+from stages.page import page
+from stages.page.constants import constants
+
+
+def main() -> None:
+    """Write the page."""
+    studies.load(params.load())
+    html = page.studies(
+        page.read(paths.CLAIMS),
+        page.read(paths.VARIANT_CLAIMS)["variants"],
+        page.read(paths.EFFECTS),
+        constants(studies.PATH.read_text()),
+    )
+    artifact.publish(html.encode(), paths.STUDIES)
+
+
+if __name__ == "__main__":
+    sys.exit(console.main(main))

@@ -69,7 +69,7 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
     step = 1 + int(limb.argmax())  # the first has no frame before it
     trained = encoder.load(held)
     outcomes = untaught(p, trained, [streams.generator(p.seed, CONDITION, 0, "memory")])
-    perception = Perception(encoder.Extractor(p.encoder, trained), own[1, 0, 1:], outcomes)
+    perception = Perception(encoder.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
     for world, end in ends:

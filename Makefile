@@ -45,9 +45,10 @@ test: $(STAMP) ## The whole test suite
 	@python -m stages.commands.gl --install
 	python -m pytest -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadfile --no-loadscope-reorder
 
-check: $(STAMP) ## Format, lint, types
+check: $(STAMP) ## Format, lint, floors, types
 	ruff format --check .
 	ruff check .
+	lint-imports --no-cache
 	mypy
 
 format: $(STAMP) ## Put the code in the project's format

@@ -21,12 +21,12 @@ from gymnasium import spaces
 from stable_baselines3 import PPO
 
 from mimo.learning import rewards
-from mimo.learning.experiment import initial_quantiles
-from mimo.learning.outcomes import Outcomes
+from mimo.learning.experience import Perception, untaught
 from mimo.record import artifact
 from mimo.settings import params
 from mimo.settings.errors import Fault
-from mimo.settings.params import Condition, Params
+from mimo.settings.params import Params
+from mimo.settings.section import Condition
 from mimo.vision import encoder
 from mimo.vision.encoder import Extractor, Trained
 from mimo.world import body
@@ -61,8 +61,8 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
     ) -> None:
         super().__init__(env)
         seen: Any = env.observation_space
-        self._settings, self._extract = settings, Extractor(settings.encoder, trained)
-        self._start = initial_quantiles(settings, trained) if rewards.needs_outcomes(reward) else None
+        self._settings, self._trained = settings, trained
+        self._extract, self._needs_outcomes = Extractor(settings.encoder, trained), rewards.needs_outcomes(reward)
         self._parts = [(settings.rewards.gain / scales[p.name], p) for p in rewards.parts(reward, settings.rewards)]
         latent = spaces.Box(-np.inf, np.inf, (settings.encoder.latent,), np.float32)
         self.observation_space = spaces.Dict({"proprioception": seen["proprioception"], "latent": latent})  # type: ignore[assignment]
@@ -72,34 +72,22 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
     ) -> tuple[Observation, dict[str, Any]]:
         """A new experiment, with new outcome models."""
         seen, info = self.env.reset(seed=seed, options=options)
-        self._latent = self._extract(seen["vision"][None])
-        self._outcomes = None
-        if self._start is not None:
-            # A stream of its own: the mobile's noise is the same with every reward.
-            self._outcomes = Outcomes(self._settings.outcomes, self._start, self.np_random.spawn(1))
+        # A stream of its own: the mobile's noise is the same with every reward.
+        outcomes = untaught(self._settings, self._trained, self.np_random.spawn(1)) if self._needs_outcomes else None
+        self._perception = Perception(self._extract, seen["vision"][None], outcomes)
         return self._observation(seen), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One agent step; the reward as mimo.learning.experiment pays it, mean over the joints."""
         seen, mtl, terminated, truncated, info = self.env.step(action)
-        before, self._latent = self._latent, self._extract(seen["vision"][None])
-        moved = torch.from_numpy(np.asarray(action, bool))[None]
-        transition = rewards.Transition(
-            path_length=torch.tensor([float(mtl)]),
-            latent_before=before,
-            latent=self._latent,
-            action=moved,
-            influence=self._outcomes.influence() if self._outcomes else None,
-            expectation=self._outcomes.expectation(moved) if self._outcomes else None,
-        )
-        if self._outcomes:
-            self._outcomes.update(moved, self._latent)
+        moved = np.asarray(action, bool)[None]
+        transition = self._perception.transition(moved, np.array([float(mtl)]), seen["vision"][None])
         paid = torch.stack([gain * part(transition)[0] for gain, part in self._parts]).sum(dim=0)
         info["rewards"] = paid.numpy()
         return self._observation(seen), float(paid.mean()), terminated, truncated, info
 
     def _observation(self, seen: Observation) -> Observation:
-        return {"proprioception": seen["proprioception"], "latent": self._latent[0].numpy()}
+        return {"proprioception": seen["proprioception"], "latent": self._perception.latent[0].numpy()}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -54,6 +54,7 @@ def _publish(top: Path) -> str:
     (project / ".gitignore").write_text((project / ".gitignore").read_text() + preview.MARK + "\n")
     done(project, "git", "init", "-q", ".")
     said = done(project, sys.executable, "-m", "stages.commands.paper")
+    said += done(project, sys.executable, "-m", "stages.commands.studies")
     done(project, "git", "add", "-A")
     done(project, "git", "commit", "-qm", "Published")
     done(project, sys.executable, "-m", "stages.commands.share", "push")

@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+from mimo.settings import studies
+from mimo.settings.params import Params
 from tests import forks
 
 
@@ -45,28 +47,29 @@ def python(folder: Path, module: str, *arguments: str, plain: bool = False) -> s
 
 
 def repro(project: Path, *targets: str) -> str:
-    """What `dvc repro` said; it must succeed."""
-    result = python(project, "dvc", "repro", *targets)
+    """What `dvc repro` said, of both pipelines where no target is given; it must succeed."""
+    result = python(project, "dvc", "repro", *(targets or ["--all-pipelines"]))
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout + result.stderr
 
 
 def edit(project: Path, *changes: tuple[str, Any]) -> None:
-    """Values of params.yaml, by dotted key."""
-    path = project / "params.yaml"
-    whole = yaml.safe_load(path.read_text())
-    for key, value in changes:
-        *sections, name = key.split(".")
-        part = whole
-        for section in sections:
-            part = part[section]
-        part[name] = value
-    path.write_text(yaml.safe_dump(whole, sort_keys=False))
+    """Values of params.yaml and studies/params.yaml, by dotted key."""
+    for file, known in ((project / "params.yaml", Params), (project / studies.PATH, studies.Studies)):
+        whole = yaml.safe_load(file.read_text())
+        for key, value in changes:
+            *sections, name = key.split(".")
+            if key.split(".")[0] in known.model_fields:
+                part = whole
+                for section in sections:
+                    part = part[section]
+                part[name] = value
+        file.write_text(yaml.safe_dump(whole, sort_keys=False))
 
 
 def ran(output: str) -> set[str]:
-    """The stages that DVC says it ran."""
-    return set(re.findall(r"Running stage '([^']+)'", output))
+    """The stages that DVC says it ran, those of studies/dvc.yaml as `studies:<name>`."""
+    return {name.replace("/dvc.yaml", "") for name in re.findall(r"Running stage '([^']+)'", output)}
 
 
 def stored(project: Path) -> set[str]:

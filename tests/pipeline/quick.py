@@ -1,12 +1,12 @@
-"""`python -m tests.pipeline.quick TOP`: `dvc repro` in TOP/base, then in an edited copy of it for each of many edits.
+"""`python -m tests.pipeline.quick TOP`: both pipelines in TOP/base, then in an edited copy of it for each edit.
 
 What DVC decides and what each stage's `main` computes is real. What is not, as it takes minutes and decides nothing:
 stages are forks of one process that has the libraries loaded and the scene built, sweeps are without Ray, DVC does not
 lock files against other DVCs, reads YAML by another library and writes JSON (which is YAML), and figures and films are
 stand-ins with their data's hashes. What an edit runs without any of that: test_repro.py, test_published.py.
 
-TOP/edits.json has, by name, which keys of params.yaml get which values. TOP/<name>.log has what `dvc repro` said and,
-as its last line, the exit code.
+TOP/edits.json has, by name, which keys of the settings get which values, or which file of code a comment more.
+TOP/<name>.log has what `dvc repro` said and, as its last line, the exit code.
 """
 
 import gc
@@ -58,9 +58,8 @@ def _load() -> None:
     for path in sorted(Path("stages").glob("*.py")):
         if "console.main(main)" in path.read_text():
             importlib.import_module(f"stages.{path.stem}")
-    identity.code(*(f"mimo.{name}" for name in ("calibrate", "collect", "effects", "experiment", "probe")))
     identity.versions()
-    for path in (*identity.ROOT.glob("mimo/*.py"), *identity.ROOT.glob("stages/*.py")):
+    for path in (*identity.ROOT.glob("mimo/**/*.py"), *identity.ROOT.glob("stages/**/*.py")):
         identity.syntax(path)
     gc.freeze()  # collecting garbage would copy it into every fork
 
@@ -73,10 +72,10 @@ def _patch() -> None:
     dvc.rwlock.rwlock = lambda *given: nullcontext()
     run._run = _stage
     _share_the_scene()
-    figures: Any = sys.modules["stages.figures"]
+    figures: Any = sys.modules["stages.drawing.figures"]
     figures.plan = lambda p, results, held, frames: {"fig3": f"<svg><!-- {results.content} {held.content} --></svg>"}
     figures.files = lambda text: {"svg": text.encode()}
-    film: Any = sys.modules["stages.film"]
+    film: Any = sys.modules["stages.drawing.film"]
     film.filmed = lambda p, run, trained: (run.content.encode(), b"")
 
 
@@ -107,9 +106,11 @@ def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
         project = top / name
         if name != BASE:
             shutil.copytree(top / BASE, project)
-            edit(project, *changes.items())
+            edit(project, *((key, value) for key, value in changes.items() if "/" not in key))
+            for file in (project / key for key in changes if "/" in key):
+                file.write_text(f"{file.read_text()}\n# A comment.\n")
         os.chdir(project)
-        code = dvc.cli.main(["repro"])
+        code = dvc.cli.main(["repro", "--all-pipelines"])
     finally:
         print(f"\n{code}", flush=True)
         os._exit(code)

@@ -1,4 +1,7 @@
-"""dvc.yaml names exactly what each stage's script imports and reads: no edit goes unnoticed, none costs more."""
+"""dvc.yaml and studies/dvc.yaml name the rooms that each stage's script imports and the sections that it reads.
+
+No edit goes unnoticed, and no room or section is named for nothing.
+"""
 
 import ast
 import importlib
@@ -11,14 +14,20 @@ import pytest
 import yaml
 
 from mimo.settings import params
-from mimo.settings.params import Params, Section
+from mimo.settings.params import Params
+from mimo.settings.section import Section
+from mimo.settings.studies import VARIED, Studies
+from stages.base import overlay, paths
 from stages.commands import preview
 from tests.pipeline.project import edit
 from tests.pipeline.test_sections import TINY, TRIAL
 
 ROOT = Path(__file__).parents[2]
+PIPELINES = {"": "dvc.yaml", "studies:": "studies/dvc.yaml"}
 STAGES = {
-    name: stage.get("do", stage) for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items()
+    start + name: stage.get("do", stage)
+    for start, file in PIPELINES.items()
+    for name, stage in yaml.safe_load((ROOT / file).read_text())["stages"].items()
 }
 
 
@@ -51,12 +60,17 @@ def imported(module: str) -> set[str]:
 
 
 @pytest.mark.parametrize("name", STAGES)
-def test_code_dependencies_are_what_the_script_imports(name: str) -> None:
+def test_code_dependencies_are_the_rooms_that_the_script_imports(name: str) -> None:
     stage = STAGES[name]
     script = stage["cmd"].split()[2]
     assert script.startswith("stages.")
-    declared = {dep for dep in stage["deps"] if dep.endswith(".py")}
-    assert declared == imported(script)
+    declared = {dep for dep in stage["deps"] if dep.startswith(("mimo/", "stages/"))}
+    assert declared == {room(path) for path in imported(script)}
+
+
+def room(path: str) -> str:
+    """`mimo/world` for all below it; files at the top stand for themselves."""
+    return "/".join(path.split("/")[:2])
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -75,11 +89,11 @@ def test_no_dependency_or_output_lies_in_the_work_folder() -> None:
 
 
 SPEED = {"sweep.chunk"}  # read, but of no effect on any byte
-SWEEPS = {"effects", "train", "vary"}  # these take --serial
+SWEEPS = {"studies:effects", "train", "studies:vary"}  # these take --serial
 
 
 def leaves(kind: Any, above: str = "") -> set[str]:
-    """Dotted keys of all values of params.yaml; lists, variants and alternatives are each one value."""
+    """Dotted keys of all values of a file of settings; lists, variants and alternatives are each one value."""
     found = set()
     for name, field in kind.model_fields.items():
         section = isinstance(field.annotation, type) and issubclass(field.annotation, Section)
@@ -87,7 +101,7 @@ def leaves(kind: Any, above: str = "") -> set[str]:
     return found
 
 
-LEAVES = leaves(Params)
+LEAVES = leaves(Params) | leaves(Studies)
 
 
 def below(key: str) -> set[str]:
@@ -96,18 +110,18 @@ def below(key: str) -> set[str]:
 
 
 def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """A set that takes up each value that is read from now on; but mimo.settings.params itself reads all, to check them."""
+    """A set that takes up each value that is read from now on; but mimo.settings itself reads all, to check them."""
     read: set[str] = set()
     known: dict[int, tuple[Section, str]] = {}  # sections, by id, and where they are in params.yaml
 
     def watched(section: Section, name: str) -> Any:
         value = object.__getattribute__(section, name)
-        itself, where = (section, "") if type(section) is Params else known.get(id(section), (None, ""))
+        itself, where = (section, "") if type(section) in (Params, Studies) else known.get(id(section), (None, ""))
         reader = sys._getframe(1).f_globals["__name__"]
-        if itself is not section or reader == "mimo.settings.params":  # a variant, say, is part of a value
+        if itself is not section or reader.startswith("mimo.settings."):  # a variant, say, is part of a value
             pass
         elif name.startswith("model_dump"):
-            read.update(below(where) if where else LEAVES)
+            read.update(below(where) if where else leaves(type(section)))
         elif name in type(section).model_fields:
             key = f"{where}.{name}".lstrip(".")
             if isinstance(value, Section):
@@ -125,8 +139,9 @@ def run(name: str) -> None:
     module, *given = STAGES[name]["cmd"].split()[2:]
     main = importlib.import_module(module).main
     conditions = params.Conditions.model_fields if name == "film" else ()
-    cells = conditions or (sorted(Path(given[0]).parent.glob("*.json")) if given else [])
-    for arguments in [[str(cell)] for cell in cells] or [["--serial"] if name in SWEEPS else []]:
+    matrix = name != "film" and given and "$" in given[0]
+    cells = conditions or (sorted(Path(given[0]).parent.glob("*.json")) if matrix else [])
+    for arguments in [[str(cell)] for cell in cells] or [[*given, *(["--serial"] if name in SWEEPS else [])]]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "argv", [module, *arguments])
             main()
@@ -143,7 +158,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     preview.prepare(ROOT, project)
     edit(project, *TINY.items())
     p = params.load(project / "params.yaml")
-    same = {key: operator.attrgetter(key)(p) for section in params.VARIED for key in sorted(below(section))}
+    same = {key: operator.attrgetter(key)(p) for section in VARIED for key in sorted(below(section))}
     edit(
         project,
         ("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}),
@@ -154,24 +169,29 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
             {"same": {"asks": "?", "set": same, "cells": {"free": ["cais_surprise"], "noisy": ["mtl"]}}},
         ),
     )
-    (project / preview.OVERRIDES).write_text(TRIAL)
+    (project / overlay.FILES[paths.PARAMS]).write_text(TRIAL)
     found = {}
     for name in STAGES:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(project)
-            patch.setattr("stages.figures.files", lambda draw: {"svg": str(draw()).encode()})  # no value is read after
+            patch.setattr(
+                "stages.drawing.figures.files", lambda draw: {"svg": str(draw()).encode()}
+            )  # no value is read after
             found[name] = recorded(patch)
             run(name)
     return found
 
 
 @pytest.mark.parametrize("name", STAGES)
-def test_params_are_what_the_script_reads(name: str, read: dict[str, set[str]]) -> None:
+def test_params_are_the_sections_that_the_script_reads(name: str, read: dict[str, set[str]]) -> None:
     stage = STAGES[name]
-    declared = {key: below(key) for key in stage.get("params", [])}
-    assert all(declared.values()), "dvc.yaml names what params.yaml has not"
-    values = set().union(*declared.values())
+    declared: set[str] = set()
+    for given in stage.get("params", []):
+        for file, sections in given.items() if isinstance(given, dict) else [("params.yaml", [given])]:
+            kind = Studies if file.startswith("studies/") else Params
+            assert set(sections) <= set(kind.model_fields), f"{file} has no such section"
+            declared.update(sections)
     if "params.yaml" in stage["deps"]:
-        assert not values, "the whole file is a dependency already"
+        assert not declared, "the whole file is a dependency already"
         return
-    assert read[name] - SPEED == values
+    assert {key.split(".")[0] for key in read[name] - SPEED} == declared

@@ -19,7 +19,7 @@ from stable_baselines3.common import env_checker
 
 from examples import sb3
 from mimo.record import artifact
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.world import body
 from tests.pipeline.project import digests, done, ran, repro, stored
 
@@ -68,8 +68,9 @@ def lay(values: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def set_params(project: Path, block: str) -> None:
-    path = project / "params.yaml"
-    path.write_text(yaml.safe_dump(lay(yaml.safe_load(block), yaml.safe_load(path.read_text())), sort_keys=False))
+    values = yaml.safe_load(block)
+    path = project / (studies.PATH if set(values) <= set(studies.Studies.model_fields) else "params.yaml")
+    path.write_text(yaml.safe_dump(lay(values, yaml.safe_load(path.read_text())), sort_keys=False))
 
 
 def replace(project: Path, block: str) -> None:
@@ -86,19 +87,21 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     """A comment in the learner, besides, computes nothing."""
     before, runs = stored(project), digests(project, "data/runs")
     same = digests(project, ".work/scales", "data/variants")
-    agent, rewards = project / "mimo/learning/agent.py", project / "mimo/learning/rewards.py"
+    agent = project / "mimo/learning/agent.py"
     agent.write_text(agent.read_text() + "\n# A comment.\n")
     (reward,) = blocks("A reward", "python")
-    rewards.write_text(f"{rewards.read_text()}\n\n{reward}")
+    (project / "mimo/learning/rewards/stillness.py").write_text(reward)
     set_params(project, blocks("A reward", "yaml")[0])
     set_params(project, blocks("A condition", "yaml")[0])
     (commands,) = blocks("One constant, and what follows", "sh")
     first, *others = commands.splitlines()
     assert first == "dvc repro"
-    said = repro(project, "claims")  # figures and page besides would take seconds, and are not looked at
+    said = repro(
+        project, "claims", "studies/dvc.yaml:compare"
+    )  # figures and page besides would take seconds, and are not looked at
     assert "6 runs, 4 of them in the store." in said
     assert "5 runs, 3 of them in the store." in said
-    assert {"calibrate", "train", "vary"} <= ran(said)
+    assert {"calibrate", "train", "studies:vary"} <= ran(said)
     assert len(stored(project) - before) == 4
     assert digests(project, ".work/scales", "data/variants").items() >= same.items()
     after = digests(project, "data/runs")
@@ -106,7 +109,7 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     assert {"data/runs/free/stillness/seed-000.h5", "data/runs/noisy/stillness/seed-000.h5"} == set(after) - set(runs)
     with h5py.File(project / "data/runs/free/stillness/seed-000.h5") as run:
         assert (run["part/stillness"][:, 7] == -run["path_length"][:]).all()
-    assert json.loads((project / "reports/variants.json").read_text())["variants"]["breeze"]["set"] == {
+    assert json.loads((project / "reports/studies/variants.json").read_text())["variants"]["breeze"]["set"] == {
         "conditions.noisy.force": 10.0
     }
     changed, came = (done(project, *line.split()) for line in others)

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mimo.settings import params
+from mimo.settings import params, studies
+from mimo.settings.files import ParamsError
+from stages.base import overlay
 from stages.commands import preview
 
 TOP = Path(__file__).parents[2]
@@ -20,8 +22,7 @@ def project(tmp_path: Path) -> Path:
     """A little project in git: the real parameters, code both tracked and new, an ignored file, and results."""
     top = tmp_path / "project"
     texts = {
-        "params.yaml": (TOP / "params.yaml").read_text(),
-        preview.OVERRIDES: (TOP / preview.OVERRIDES).read_text(),
+        **{str(name): (TOP / name).read_text() for pair in overlay.FILES.items() for name in pair},
         ".gitignore": "/data/\n.work/\n*.log\n",
         ".dvcignore": ".work\n",
         ".dvc/config": "[core]\n    remote = lab\n",
@@ -55,8 +56,11 @@ def state(folder: Path) -> dict[str, tuple[int, str]]:
     }
 
 
-CODE = {".gitignore", ".dvcignore", "dvc.yaml", "code/used.py", "code/new.py", "code/old/dropped.py", preview.OVERRIDES}
-MADE = {preview.MARK, "params.yaml"}
+OVERRIDES = overlay.FILES[Path("params.yaml")]
+CODE = {".gitignore", ".dvcignore", "dvc.yaml", "code/used.py", "code/new.py", "code/old/dropped.py"} | {
+    str(overrides) for overrides in overlay.FILES.values()
+}
+MADE = {preview.MARK, *map(str, overlay.FILES)}
 
 
 def test_code_is_copied_results_are_not_and_the_project_stays_as_it_was(project, tmp_path):
@@ -70,23 +74,25 @@ def test_code_is_copied_results_are_not_and_the_project_stays_as_it_was(project,
 
 def test_params_are_the_projects_with_the_overrides_laid_over_them(project, tmp_path):
     preview.prepare(project, tmp_path / "small")
-    whole, small = params.load(project / "params.yaml"), params.load(tmp_path / "small" / "params.yaml")
-    overrides = yaml.safe_load((project / preview.OVERRIDES).read_text())
-    for name in type(whole).model_fields:
-        expected = whole.model_dump()[name]
-        assert small.model_dump()[name] == (expected | overrides[name] if name in overrides else expected)
+    for file, beside in overlay.FILES.items():
+        whole, small, overrides = (
+            yaml.safe_load(path.read_text()) for path in (project / file, tmp_path / "small" / file, project / beside)
+        )
+        for name, value in whole.items():
+            assert small[name] == (value | overrides[name] if name in overrides else value)
+    studies.load(params.load(tmp_path / "small/params.yaml"), tmp_path / "small" / studies.PATH)
 
 
 def test_the_preview_keeps_every_cell_of_the_sweep():
     whole = yaml.safe_load((TOP / "params.yaml").read_text())["sweep"]
-    small = preview.merged_params(TOP)["sweep"]
+    small = overlay.merged(TOP, Path("params.yaml"))["sweep"]
     assert (small["conditions"], small["rewards"]) == (whole["conditions"], whole["rewards"])
 
 
 def test_a_second_call_follows_the_code_and_keeps_the_previews_own_results(project, tmp_path):
     small = tmp_path / "small"
     preview.prepare(project, small)
-    own = ["data/runs/mine.h5", "reports/index.html", "dvc.lock", ".work/runs/x.h5", ".dvc/cache/y"]
+    own = ["data/runs/mine.h5", "reports/index.html", "dvc.lock", "studies/dvc.lock", ".work/runs/x.h5", ".dvc/cache/y"]
     for name in own:
         (small / name).parent.mkdir(parents=True, exist_ok=True)
         (small / name).write_text("the preview's\n")
@@ -145,8 +151,8 @@ def test_overrides_that_do_not_fit_are_refused_and_nothing_changes(overrides, se
     small = tmp_path / "small"
     preview.prepare(project, small)
     before = state(small)
-    (project / preview.OVERRIDES).write_text(overrides)
-    with pytest.raises((preview.PreviewError, params.ParamsError)) as caught:
+    (project / OVERRIDES).write_text(overrides)
+    with pytest.raises((overlay.OverlayError, ParamsError)) as caught:
         preview.prepare(project, small)
     assert str(caught.value).endswith(sentence)
     assert {name: seen for name, seen in state(small).items() if name != preview.MARK} == {
@@ -159,6 +165,7 @@ def test_the_command_prepares_the_real_project(tmp_path):
     command = [sys.executable, "-m", "stages.commands.preview", "--prepare-only", "--folder", str(small)]
     done = subprocess.run(command, cwd=TOP, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"Prepared {small}.\n", "")
-    assert (small / "mimo" / "params.py").is_file()
-    assert params.load(small / "params.yaml").sweep.seeds == 1
+    assert (small / "mimo" / "settings" / "params.py").is_file()
+    p = params.load(small / "params.yaml")
+    assert (p.sweep.seeds, studies.load(p, small / studies.PATH).sweeps.seeds) == (1, 1)
     assert not (small / "dvc.lock").exists()

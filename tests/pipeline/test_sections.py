@@ -19,7 +19,8 @@ import yaml
 
 from mimo.record import artifact
 from mimo.settings.params import Params
-from stages.base import paths, store
+from mimo.settings.studies import PATH, Studies
+from stages.base import overlay, paths, store
 from stages.commands import preview
 from tests.pipeline import quick
 from tests.pipeline.project import edit, python, ran
@@ -47,17 +48,25 @@ TINY = {
 }
 TRIAL = "encoder: {iterations: 1}\n"  # in place of params.preview.yaml, which the stage `trial` reads
 
-# Stages in the order of dvc.yaml, those of a matrix by patterns.
+# Stages in the order of dvc.yaml and studies/dvc.yaml, those of a matrix by patterns.
 STAGES = [
-    "collect", "encoder", "trial", "calibrate", "effects", "train", "runs@*", "analyse", "explore", "vary",
-    "variants@*", "compare", "claims", "catalogue", "figures", "film@*", "report",
+    "collect", "encoder", "trial", "calibrate", "train", "runs@*", "analyse", "claims", "explore", "figures", "film@*",
+    "catalogue", "report", "studies:effects", "studies:vary", "studies:variants@*", "studies:compare",
+    "studies:catalogue", "studies:page",
 ]  # fmt: skip
 ALL = frozenset(STAGES)
-ENDS = frozenset({"claims", "catalogue", "report"})
-OF_RUNS = ENDS | {"train", "runs@*", "analyse", "explore", "figures", "film@*"}
-OF_VARIANTS = ENDS | {"vary", "variants@*", "compare"}
-OF_CAIS = ENDS | {
-    "train", "runs@*-cais", "analyse", "explore", "figures", "film@*", "vary", "variants@eager", "compare",
+PAGES = frozenset({"report", "studies:page"})
+OF_RUNS = PAGES | {"train", "runs@*", "analyse", "claims", "explore", "figures", "film@*", "catalogue"}
+OF_VARIANTS = frozenset({
+    "studies:vary", "studies:variants@*", "studies:compare", "studies:catalogue", "studies:page"
+})  # fmt: skip
+OF_CAIS = OF_RUNS - {"runs@*"} | OF_VARIANTS - {"studies:variants@*"} | {"runs@*-cais", "studies:variants@eager"}
+SETTLED = OF_RUNS | OF_VARIANTS
+OTHERS = frozenset({"collect", "calibrate", "studies:effects"})  # which read more of a section
+OF_SCIENCE = PAGES | {"analyse", "claims", "explore", "figures", "film@*", "studies:compare"}
+OF_VISION = ALL - {
+    "runs@*", "analyse", "claims", "explore", "catalogue", "report", "studies:variants@*", "studies:compare",
+    "studies:catalogue", "studies:page",
 }  # fmt: skip
 # What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
 SCALES = frozenset({"scales", "variants' scales"})
@@ -65,11 +74,15 @@ BEFORE = SCALES | {"frames", "encoder", "trial", "effects"}
 EAGER, HEAVY = "eager: free-cais", "heavy: noisy-mtl"
 RUNS = frozenset({"*", EAGER, HEAVY})
 NONE: Set[str] = frozenset()
+COMMENT = "a comment"
 
 
 @dataclass(frozen=True)
 class Edit:
-    """A key of params.yaml gets a value; which stages run, and what is computed, that is, not found in the store."""
+    """A key of params.yaml or studies/params.yaml gets a value, or a file of code a COMMENT.
+
+    Which stages run, and what is computed, that is, not found in the store.
+    """
 
     key: str
     value: Any
@@ -77,40 +90,48 @@ class Edit:
     made: Set[str] = NONE
     runs: Set[str] = NONE
 
+    @property
+    def name(self) -> str:
+        """Of the folder where it is made."""
+        return self.key.replace("/", ".")
+
 
 EDITS = (
     Edit("seed", 1, ALL, BEFORE, RUNS),
-    Edit("protocol.attached_steps", 3, OF_RUNS | OF_VARIANTS, NONE, RUNS),
+    Edit("protocol.attached_steps", 3, SETTLED | OTHERS, NONE, RUNS),
     # The encoder has seen both conditions, so each decides all runs.
     Edit("conditions.noisy.force", 20.0, ALL, BEFORE, RUNS),
     Edit("world.mobile_mass", 0.05, ALL, BEFORE, RUNS),
-    Edit("collect.held_out", 0.4, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
+    Edit("collect.held_out", 0.4, ALL, BEFORE - {"frames"}, RUNS),
     Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
-    Edit("agent.gamma", 0.2, OF_RUNS | OF_VARIANTS, NONE, RUNS),
-    Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
-    Edit("calibrate.steps", 5, OF_RUNS | OF_VARIANTS | {"calibrate"}, SCALES, RUNS),
-    Edit("effects.steps", 41, {"effects", "report"}, {"effects"}),
+    Edit("agent.gamma", 0.2, SETTLED | OTHERS, NONE, RUNS),
+    Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "studies:effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
+    Edit("calibrate.steps", 5, SETTLED | {"calibrate"}, SCALES, RUNS),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
     Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"}),
     Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*", "film@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
     Edit("sweep.seeds", 2, OF_RUNS - {"film@*"}, NONE, {"*, seed 1"}),
-    Edit("sweep.chunk", 2, {"report"}),  # has all of params.yaml
-    Edit("film.steps", 2, {"film@*", "report"}),
+    Edit("sweep.chunk", 2, {"train", "analyse", "explore"} | PAGES),
+    Edit("film.steps", 2, {"film@*"} | PAGES),
+    Edit("effects.steps", 41, {"studies:effects", "studies:page"}, {"effects"}),
     Edit(
         "sweeps.variants.eager.set",
         {"rewards.gain": 3.0},
-        OF_VARIANTS - {"variants@*"} | {"variants@eager"},
+        OF_VARIANTS - {"studies:variants@*"} | {"studies:variants@eager"},
         NONE,
         {EAGER},
     ),
     Edit(
         "sweeps.variants.heavy.set",
         {"world.mobile_mass": 2.0},
-        OF_VARIANTS - {"variants@*"} | {"variants@heavy"},
+        OF_VARIANTS - {"studies:variants@*"} | {"studies:variants@heavy"},
         {"variants' scales"},
         {HEAVY},
     ),
-    Edit("sweeps.variants.eager.asks", "!", {"vary", "compare", "claims", "report"}),
+    Edit("sweeps.variants.eager.asks", "!", {"studies:vary", "studies:compare", "studies:page"}),
+    Edit("mimo/vision/encoder.py", COMMENT, OF_VISION),
+    Edit("mimo/science/claims.py", COMMENT, OF_SCIENCE),
+    Edit("stages/drawing/style.py", COMMENT, {"figures", "film@*"} | PAGES),
 )
 
 
@@ -130,13 +151,13 @@ pytestmark = pytest.mark.timeout(1200)
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]]:
-    """What came of each edit by its key."""
+    """What came of each edit by its name."""
     top = tmp_path_factory.mktemp("sections")
     base = top / quick.BASE
     preview.prepare(ROOT, base)
     edit(base, *TINY.items())
-    (base / preview.OVERRIDES).write_text(TRIAL)
-    edits = {each.key: each for each in EDITS}
+    (base / overlay.FILES[paths.PARAMS]).write_text(TRIAL)
+    edits = {each.name: each for each in EDITS}
     (top / "edits.json").write_text(json.dumps({name: {each.key: each.value} for name, each in edits.items()}))
     done = python(base, "tests.pipeline.quick", str(top), plain=True)
     assert done.returncode == 0, done.stderr
@@ -147,15 +168,16 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]
 
 
 def test_every_section_is_edited() -> None:
-    assert {each.key.split(".")[0] for each in EDITS} == set(Params.model_fields)
+    edited = {each.key.split(".")[0] for each in EDITS if each.value is not COMMENT}
+    assert edited == {*Params.model_fields, *Studies.model_fields}
 
 
 @pytest.mark.parametrize("each", EDITS, ids=lambda each: each.key)
 def test_an_edit_runs_only_what_it_affects(found: dict[str, Found], each: Edit) -> None:
-    assert found[each.key].code == 0, found[each.key].said
-    assert found[each.key].stages == each.stages
-    assert found[each.key].made == each.made
-    assert found[each.key].runs == each.runs
+    assert found[each.name].code == 0, found[each.name].said
+    assert found[each.name].stages == each.stages
+    assert found[each.name].made == each.made
+    assert found[each.name].runs == each.runs
 
 
 def test_the_table_in_the_docs_says_so() -> None:
@@ -175,11 +197,13 @@ def code(names: Iterable[str]) -> str:
 
 
 TEXT = """\
-# What an edit of params.yaml runs again
+# What an edit runs again
 
-One value is edited, then `dvc repro` runs. A stage that runs need not compute: what it finds in the run store, under
-the digest of all that it depends on, it takes from there. The last two columns have what it does not find: frames,
-encoder, `trial` (which `make verify` repeats), effects, scales and variants' scales; and runs.
+One value of params.yaml or studies/params.yaml is edited, or a comment is added to a file of code, then both pipelines
+run (`dvc repro --all-pipelines`; `dvc repro` alone runs the paper's). A stage depends on whole sections and on whole
+rooms of the code, so it often runs without need. That costs seconds, since a stage that runs need not compute: what it
+finds in the run store, under the digest of all that it depends on, it takes from there. The last two columns have what
+it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, scales and variants' scales; and runs.
 
 The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and two variants: `eager` has another
 `rewards.gain` in the cell free-cais, `heavy` another `world.mobile_mass` in noisy-mtl. tests/pipeline/test_sections.py
@@ -190,12 +214,15 @@ makes each edit and holds its row to what then happens; `{write}` writes this fi
 {rows}
 
 `runs@*` stands for all cells of the sweep, `runs@*-cais` for those with CAIS; likewise `*` and `*-cais` for runs.
-`film@*` stands for both conditions; the films are of CAIS, seed 0. Every edit runs `report`, which prints all of
-params.yaml. A value set back comes from DVC's cache, and nothing is computed.
+`film@*` stands for both conditions; the films are of CAIS, seed 0. `studies:` begins the stages of studies/dvc.yaml.
+Every edit of params.yaml runs `report` and `studies:page`, which print all of it or say what it is. A value set back
+comes from DVC's cache, and nothing is computed.
 """
 
 
 def _edited(each: Edit) -> str:
+    if each.value is COMMENT:
+        return f"{each.key}: {COMMENT}"
     value = yaml.safe_dump(each.value, default_flow_style=True, width=1000).removesuffix("...\n").strip()
     return f"{each.key}: {value}" if len(value) < 40 else each.key
 
@@ -226,7 +253,8 @@ def _found(top: Path, name: str) -> Found:
     new = _kept(project) - (_kept(top / quick.BASE) if name != quick.BASE else set())
     p = yaml.safe_load((project / "params.yaml").read_text())
     cells = [f"{c}-{r}" for c, r in itertools.product(p["sweep"]["conditions"], p["sweep"]["rewards"])]
-    groups = {"runs@": cells, "variants@": list(p["sweeps"]["variants"]), "film@": p["sweep"]["conditions"]}
+    variants = yaml.safe_load((project / PATH).read_text())["sweeps"]["variants"]
+    groups = {"runs@": cells, "studies:variants@": list(variants), "film@": p["sweep"]["conditions"]}
     stages = ran("\n".join(said))
     for group, members in groups.items():
         own = {stage for stage in stages if stage.startswith(group)}

@@ -159,3 +159,7 @@ TREE: dict[str, Callable[[artifact.Artifact, Path, Params], Iterator[Inputs]]] =
     store.RESULTS: _curves,
     store.VARIANTS: _curves,
 }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

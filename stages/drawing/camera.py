@@ -62,7 +62,7 @@ class Camera:
         mirror = 1 if side == "left" else -1
         self._model = copy.copy(scene.model)
         self._data = mujoco.MjData(self._model)
-        self._light(mirror, size, place.view_angle)
+        self._light(mirror, size, place)
         self._dress(side, ARMS if end == "hand" else LEGS, colour, mirror)
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:], self._camera.distance = place.look_at, place.distance
@@ -87,12 +87,13 @@ class Camera:
         """Free the GL context."""
         self._renderer.close()
 
-    def _light(self, mirror: int, size: tuple[int, int], view_angle: float) -> None:
+    def _light(self, mirror: int, size: tuple[int, int], place: Place) -> None:
         """A lamp above, where the scene's own shines from below for the eye."""
         model, visual = self._model, self._model.vis
         visual.global_.offheight, visual.global_.offwidth = size
-        visual.global_.fovy = view_angle
-        visual.quality.offsamples, visual.quality.shadowsize = 4, 1024
+        visual.global_.fovy = place.view_angle
+        visual.quality.shadowsize = 1024
+        visual.quality.offsamples = 4 if place.wall else 0  # where there is none, edges would take on its black
         visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 16, 8, 1
         visual.map.shadowclip = 0.7
         visual.headlight.ambient[:], visual.headlight.diffuse[:], visual.headlight.specular[:] = 0.45, 0.2, 0.0

@@ -16,7 +16,7 @@ from stages import catalogue
 from stages.base import paths, store
 from stages.commands import verify
 from tests.pipeline.conftest import CELLS, GAIN
-from tests.pipeline.project import digests, done, edit, python, ran
+from tests.pipeline.project import digests, done, edit, python, ran, repro
 
 RUN = paths.run("noisy", "cais", 0)
 
@@ -31,12 +31,16 @@ def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> N
     said = python(clone, "stages.commands.paper")
     assert said.returncode == 0, said.stderr
     assert said.stdout.splitlines()[-1] == (
-        "13 artifacts, 13 of them recomputed; 13 equal the 13 published; dvc.lock and reports/ are the same bytes."
+        "9 artifacts, 9 of them recomputed; 9 equal the 9 published; dvc.lock and reports are the same bytes."
+    )
+    said = python(clone, "stages.commands.studies")
+    assert said.stdout.splitlines()[-1] == (
+        "4 artifacts, 3 of them recomputed; 4 equal the 4 published; dvc.lock and reports are the same bytes."
     )
     assert done(clone, "git", "status", "--porcelain") == ""
     again = python(clone, "stages.commands.paper").stdout.splitlines()[-1]
-    assert again.startswith("13 artifacts, 0 of them recomputed; 13 equal the 13 published;")
-    python(clone, "stages.base.provenance")
+    assert again.startswith("9 artifacts, 0 of them recomputed; 9 equal the 9 published;")
+    python(clone, "stages.commands.publish")
     (machine,) = json.loads((clone / paths.PUBLISHED_ON).read_text())["machines"]
     assert machine["versions"] == identity.versions()
 
@@ -45,7 +49,7 @@ def test_what_is_fetched_is_published_and_one_more_seed_computes_its_own_runs_al
     clone: Path, published: tuple[Path, str]
 ) -> None:
     assert python(clone, "stages.commands.share", "fetch").returncode == 0
-    assert "Running stage" not in done(clone, "dvc", "repro")
+    assert "Running stage" not in repro(clone)
     assert digests(clone, "data", "reports") == digests(published[0], "data", "reports")
     before = {path: path.read_bytes() for path in (clone / paths.RUNS).rglob("*.h5")}
     edit(clone, ("sweep.seeds", 2))
@@ -61,10 +65,10 @@ def test_an_archive_without_git_works_likewise(project: Path) -> None:
     shutil.rmtree(project / ".git")
     assert "is not a git repository" in python(project, "dvc", "status").stderr  # what a command of ours mends
     for command in ("paper", "verify", "share"):
-        said = python(project, f"stages.{command}", *{"verify": ["--runs", "1"], "share": ["push"]}.get(command, []))
+        said = python(project, f"stages.commands.{command}", *{"verify": ["--runs", "1"], "share": ["push"]}.get(command, []))
         assert said.returncode == 0, said.stderr
         if command == "paper":
-            assert said.stdout.splitlines()[-1] == "13 artifacts, 0 of them recomputed; 13 equal the 13 published."
+            assert said.stdout.splitlines()[-1] == "9 artifacts, 0 of them recomputed; 9 equal the 9 published."
     assert python(project, "dvc", "status", "--quiet").returncode == 0
 
 
@@ -117,7 +121,7 @@ def test_what_differs_is_told_by_run_dataset_step_and_size(project: Path) -> Non
 
 def test_on_another_class_of_machine_a_tolerance_holds_and_is_told(project: Path) -> None:
     """One run differs within it, another beyond."""
-    assert python(project, "stages.base.provenance").returncode == 0
+    assert python(project, "stages.commands.publish").returncode == 0
     found = json.loads((project / paths.PUBLISHED_ON).read_text())
     found["machines"][0]["class"] = "x86_64 AnotherVendor avx"
     (project / paths.PUBLISHED_ON).write_text(json.dumps(found))
@@ -155,9 +159,9 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
     assert lines[-1] == "It matches the working tree."
     for expected in ("  params.agent.gamma: 0.1", "  condition: noisy", "  seed: 0", "  params.condition.force: 40.0"):
         assert expected in lines
-    assert any(line.startswith("  code.mimo.agent: ") for line in lines)
+    assert any(line.startswith("  code.mimo.learning.agent: ") for line in lines)
     for other in ("encoder", "trial", "frames", "scales", "results", "variants"):
-        said = python(project, "mimo.record.identity", f"data/{other}.h5")
+        said = python(project, "stages.commands.identify", f"data/{other}.h5")
         assert said.stdout.endswith("It matches the working tree.\n"), other
     variant = paths.run("free", "cais", 0, "greedy")
     assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "stages.commands.identify", str(variant)).stdout
@@ -169,5 +173,5 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
     assert said.returncode == 1
     heading, code, gamma = said.stdout.splitlines()[-3:]
     assert heading == "It does not match the working tree; what differs (2):"
-    assert code.startswith("  code.mimo.outcomes: ")
+    assert code.startswith("  code.mimo.learning.outcomes: ")
     assert gamma == "  params.agent.gamma: 0.1 in the file, 0.2 in the working tree"

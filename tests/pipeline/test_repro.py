@@ -13,6 +13,7 @@ from tests.pipeline.project import digests, edit, python, ran, repro, stored
 
 ENDS = {"analyse", "catalogue", "claims", "explore", "figures", "report"}
 FILMS = {"film@free", "film@noisy"}
+STUDIES = {"studies:compare", "studies:catalogue", "studies:page"}
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -20,10 +21,11 @@ pytestmark = pytest.mark.timeout(900)
 def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tuple[Path, str]) -> None:
     project, output = published
     assert ran(output) == {
-        "collect", "encoder", "trial", "calibrate", "effects", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS,
-        "vary", *(f"variants@{name}" for name in VARIANTS), "compare", *FILMS,
+        "collect", "encoder", "trial", "calibrate", "train", *(f"runs@{cell}" for cell in CELLS), *ENDS, *FILMS,
+        "studies:effects", "studies:vary", *(f"studies:variants@{name}" for name in VARIANTS), *STUDIES,
     }  # fmt: skip
-    assert output.endswith("13 artifacts, 13 of them recomputed; there are no published ones to compare with.\n")
+    assert "\n9 artifacts, 9 of them recomputed; there are no published ones to compare with.\n" in output
+    assert output.endswith("\n4 artifacts, 3 of them recomputed; there are no published ones to compare with.\n")
     for condition in ("free", "noisy"):
         for reward in ("mtl", "cais"):
             with h5py.File(project / f"data/runs/{condition}/{reward}/seed-000.h5") as run:
@@ -37,8 +39,9 @@ def test_from_nothing_every_stage_runs_and_leaves_what_it_promises(published: tu
     for name in (
         "index.html",
         "metrics.json",
-        "effects.json",
         "explore.json",
+        "studies.html",
+        "studies/effects.json",
         "figures/fig1.svg",
         "figures/fig2.pdf",
         "figures/fig3.png",
@@ -66,7 +69,7 @@ def test_only_the_runs_of_a_variant_that_changes_are_computed(project: Path) -> 
     }
     edit(project, ("sweeps.variants", changed))
     output = repro(project)
-    assert ran(output) == {"vary", "variants@same", "variants@greedy", "compare", "claims", "catalogue", "report"}
+    assert ran(output) == {"studies:vary", "studies:variants@same", "studies:variants@greedy", *STUDIES}
     assert "3 runs, 2 of them in the store." in output
     assert len(stored(project) - before) == 1
     after = digests(project, "data/runs", "data/variants")

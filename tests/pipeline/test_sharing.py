@@ -66,7 +66,7 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     assert refused.stderr.splitlines()[-1].startswith("dvc.lock does not fit the files here")
     said = repro(clone)
     assert {name for name in ran(said) if "@" in name} == {
-        "runs@free-cais", "runs@noisy-cais", "variants@greedy", "film@free", "film@noisy",
+        "runs@free-cais", "runs@noisy-cais", "studies:variants@greedy", "film@free", "film@noisy",
     }  # fmt: skip
     assert "4 runs, 2 of them in the store." in said  # those came with data/
     assert "3 runs, 2 of them in the store." in said
@@ -92,7 +92,7 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     done(third, "git", "checkout", "-q", "HEAD~1")
     share(third, "fetch", remote)
     edit(third, ("rewards.cais.pays", "taken"))
-    said = done(third, "dvc", "repro", "--pull", "runs", "variants")
+    said = done(third, "dvc", "repro", "--pull", "runs", "studies/dvc.yaml:variants")
     assert "Running stage" not in said
     assert "is cached - skipping run" in said
     assert digests(third, "data/runs", "data/variants") == after

@@ -65,7 +65,9 @@ def test_an_archive_without_git_works_likewise(project: Path) -> None:
     shutil.rmtree(project / ".git")
     assert "is not a git repository" in python(project, "dvc", "status").stderr  # what a command of ours mends
     for command in ("paper", "verify", "share"):
-        said = python(project, f"stages.commands.{command}", *{"verify": ["--runs", "1"], "share": ["push"]}.get(command, []))
+        said = python(
+            project, f"stages.commands.{command}", *{"verify": ["--runs", "1"], "share": ["push"]}.get(command, [])
+        )
         assert said.returncode == 0, said.stderr
         if command == "paper":
             assert said.stdout.splitlines()[-1] == "9 artifacts, 0 of them recomputed; 9 equal the 9 published."

@@ -6,7 +6,6 @@ a quarter of an hour, most of it for importing torch, so DVC forks its stages fr
 What a plain one does for a variant, a seed and a reward: test_repro.py, test_published.py, test_sharing.py.
 """
 
-import itertools
 import json
 import shutil
 from collections.abc import Iterable, Iterator, Set
@@ -17,13 +16,12 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo.record import artifact
 from mimo.settings.params import Params
-from mimo.settings.studies import PATH, Studies
-from stages.base import overlay, paths, store
+from mimo.settings.studies import Studies
+from stages.base import overlay, paths
 from stages.commands import preview
-from tests.pipeline import quick
-from tests.pipeline.project import edit, python, ran
+from tests.pipeline import quick, reruns
+from tests.pipeline.project import edit, python
 
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "docs/what-reruns.md"
@@ -135,22 +133,11 @@ EDITS = (
 )
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a `dvc repro` did: as in Edit, and what it said."""
-
-    code: int
-    said: str
-    stages: Set[str]
-    made: Set[str]
-    runs: Set[str]
-
-
 pytestmark = pytest.mark.timeout(1200)
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, reruns.Found]]:
     """What came of each edit by its name."""
     top = tmp_path_factory.mktemp("sections")
     base = top / quick.BASE
@@ -161,9 +148,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Found]
     (top / "edits.json").write_text(json.dumps({name: {each.key: each.value} for name, each in edits.items()}))
     done = python(base, "tests.pipeline.quick", str(top), plain=True)
     assert done.returncode == 0, done.stderr
-    first = _found(top, quick.BASE)
+    first = reruns.read(top, quick.BASE)
     assert (first.code, first.stages, first.made, first.runs) == (0, ALL, BEFORE, RUNS), first.said
-    yield {name: _found(top, name) for name in edits}
+    yield {name: reruns.read(top, name) for name in edits}
     shutil.rmtree(top)
 
 
@@ -173,7 +160,7 @@ def test_every_section_is_edited() -> None:
 
 
 @pytest.mark.parametrize("each", EDITS, ids=lambda each: each.key)
-def test_an_edit_runs_only_what_it_affects(found: dict[str, Found], each: Edit) -> None:
+def test_an_edit_runs_only_what_it_affects(found: dict[str, reruns.Found], each: Edit) -> None:
     assert found[each.name].code == 0, found[each.name].said
     assert found[each.name].stages == each.stages
     assert found[each.name].made == each.made
@@ -243,75 +230,6 @@ def _all_but(names: Set[str], known: Set[str]) -> str:
 
 def _runs(names: Set[str]) -> str:
     return "all" if names == RUNS else code(sorted(names)) or "none"
-
-
-def _found(top: Path, name: str) -> Found:
-    project = top / name
-    *said, code = (top / f"{name}.log").read_text().rstrip().splitlines()
-    if code != "0":
-        return Found(int(code), "\n".join(said), NONE, NONE, NONE)
-    new = _kept(project) - (_kept(top / quick.BASE) if name != quick.BASE else set())
-    p = yaml.safe_load((project / "params.yaml").read_text())
-    cells = [f"{c}-{r}" for c, r in itertools.product(p["sweep"]["conditions"], p["sweep"]["rewards"])]
-    variants = yaml.safe_load((project / PATH).read_text())["sweeps"]["variants"]
-    groups = {"runs@": cells, "studies:variants@": list(variants), "film@": p["sweep"]["conditions"]}
-    stages = ran("\n".join(said))
-    for group, members in groups.items():
-        own = {stage for stage in stages if stage.startswith(group)}
-        stages = stages - own | {group + name for name in _patterns({s.removeprefix(group) for s in own}, members)}
-    return Found(0, "\n".join(said), stages, _made(project, new), _computed(project, new, cells))
-
-
-def _kept(project: Path) -> set[Path]:
-    """Everything in the store."""
-    return {path.relative_to(project / paths.STORE) for path in (project / paths.STORE).glob("*/*.h5")}
-
-
-def _made(project: Path, new: set[Path]) -> set[str]:
-    """Names of the new artifacts that are no runs."""
-    single = {
-        artifact.read(project / path, schema).digest: name
-        for name, path, schema in (
-            ("encoder", paths.ENCODER, "encoder"),
-            ("trial", paths.TRIAL, "encoder"),
-            ("scales", paths.SCALES, store.SCALE),
-        )
-    }
-    others = {"frames": "frames", "effects": "effects", "scales": "variants' scales"}
-    return {single.get(path.stem) or others[path.parent.name] for path in new if path.parent.name != "runs"}
-
-
-def _computed(project: Path, new: set[Path], cells: list[str]) -> set[str]:
-    """Names of the new runs."""
-    listed = {
-        run["digest"]: run
-        for folder in (paths.VARIANT_MANIFESTS, paths.MANIFESTS)
-        for path in (project / folder).glob("*.json")
-        for run in json.loads(path.read_text())
-    }
-    runs = [listed[path.stem] for path in new if path.parent.name == "runs"]
-    for run in runs:
-        about = artifact.read(project / paths.STORE / "runs" / f"{run['digest']}.h5", store.RUN).about
-        assert all(about[key] == run[key] for key in ("condition", "reward", "seed"))
-    names = set()
-    for variant, seed in {(run["variant"], run["seed"]) for run in runs}:
-        own = {f"{r['condition']}-{r['reward']}" for r in runs if (r["variant"], r["seed"]) == (variant, seed)}
-        suffix = f", seed {seed}" if seed else ""
-        names |= {f"{variant}: {cell}{suffix}" for cell in own} if variant else {
-            f"{cell}{suffix}" for cell in _patterns(own, cells)
-        }  # fmt: skip
-    return names
-
-
-def _patterns(names: set[str], members: list[str]) -> set[str]:
-    """`*` where all members are named, `*-<reward>` where all cells with a reward are, else each name."""
-    if names == set(members) and names:
-        return {"*"}
-    found = set()
-    for name in names:
-        alike = {member for member in members if member.partition("-")[2] == name.partition("-")[2]}
-        found.add(f"*-{name.partition('-')[2]}" if "-" in name and alike <= names else name)
-    return found
 
 
 if __name__ == "__main__":

@@ -6,12 +6,9 @@ To add one, put a file here with a subclass of Reward: params.yaml then accepts 
 
 import importlib
 import pkgutil
-from typing import TYPE_CHECKING
 
 from mimo.learning.rewards.reward import REWARDS, Reward, Transition
-
-if TYPE_CHECKING:
-    from mimo.settings.params import Rewards
+from mimo.settings.section import Section
 
 __all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "parts"]
 
@@ -23,7 +20,7 @@ class UnknownRewardError(LookupError):
     """A reward's name that no class has; the message is a sentence."""
 
 
-def parts(name: str, settings: "Rewards") -> list[Reward]:
+def parts(name: str, settings: Section) -> list[Reward]:
     """The rewards that `name` adds up, in its order: `mtl_surprise` is MTL and Surprise.
 
     Args:

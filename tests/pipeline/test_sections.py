@@ -190,7 +190,7 @@ One value of params.yaml or studies/params.yaml is edited, or a comment is added
 run (`dvc repro --all-pipelines`; `dvc repro` alone runs the paper's). A stage depends on whole sections and on whole
 rooms of the code, so it often runs without need. That costs seconds, since a stage that runs need not compute: what it
 finds in the run store, under the digest of all that it depends on, it takes from there. The last two columns have what
-it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, scales and variants' scales; and runs.
+it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, scales, variants' scales; and runs.
 
 The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and two variants: `eager` has another
 `rewards.gain` in the cell free-cais, `heavy` another `world.mobile_mass` in noisy-mtl. tests/pipeline/test_sections.py

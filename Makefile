@@ -77,7 +77,7 @@ $(STAMP): requirements.lock
 	  f"the build for CUDA {torch.version.cuda}, though no GPU is needed" if torch.version.cuda else "the CPU build")'
 	@touch $@
 
-# What PyTorch's CUDA build brings, in a folder of its own: tests/unit/test_runtime.py needs it where that build is not.
+# What PyTorch's CUDA build brings, in a folder of its own: tests/unit/record/test_runtime.py needs it where that build is not.
 .venv/triton: $(STAMP)
 	@.venv/bin/python -m pip install -qq --disable-pip-version-check --no-deps --target $@ triton==3.7.1
 	@touch $@

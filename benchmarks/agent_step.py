@@ -55,22 +55,23 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
     run = Experiment(p, condition, reward, range(size), trained, dict.fromkeys(REWARDS, 1.0))
     spent = dict.fromkeys((*PARTS, "whole"), 0.0)
     inputs: list[tuple[np.ndarray, bool]] = []
-    advance = run.worlds.advance
+    worlds, perception = run.experience.worlds, run.experience.perception
+    advance = worlds._advance
 
     def keep(control: np.ndarray, attached: bool) -> Any:
         inputs.append((control, attached))
         return advance(control, attached)
 
-    run.worlds.advance = keep  # type: ignore[method-assign]
-    time_calls(spent, "physics", run.worlds, "step")
+    worlds._advance = keep  # type: ignore[method-assign]
+    time_calls(spent, "physics", worlds, "step")
     time_calls(spent, "eye", run.eye, "frames")
     for name in ("values", "move_probability", "update"):
         time_calls(spent, "learning", run.agents, name)
-    if run.outcomes:
+    if perception.outcomes:
         for name in ("influence", "expectation", "update"):
-            time_calls(spent, "learning", run.outcomes, name)
+            time_calls(spent, "learning", perception.outcomes, name)
     time_calls(spent, "record", run.log, "add")
-    run.extractor = timed(spent, "encoder", run.extractor)  # type: ignore[assignment]
+    perception._extract = timed(spent, "encoder", perception._extract)  # type: ignore[assignment]
     built = scene.build(p.world, p.protocol)
     replay = Worlds(built, p.protocol, getattr(p.conditions, condition).force, [np.random.default_rng(0)] * size)
     alone, first = 0.0, p.protocol.baseline_steps  # attached from the first step measured on
@@ -85,7 +86,7 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
             spent["whole"] += time.process_time() - start
             start = time.process_time()
             for control, attached in inputs:
-                replay.advance(control, attached)
+                replay._advance(control, attached)
             alone += time.process_time() - start
     per = 1000.0 / (blocks * BLOCK * size)
     return {part: seconds * per for part, seconds in spent.items()}, alone * per

@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
 LONGEST = (  # these begin first, so that none is left alone at the end
     "test_sections.py", "test_interruptions.py", "test_sharing.py", "test_published.py", "test_cluster.py",
     "test_guide.py", "test_same_bytes.py", "test_repro.py", "test_experiment.py", "test_figures_stage.py",
-    "test_bad_input.py", "test_dependencies.py", "test_effects.py", "test_encoder.py", "test_params.py",
+    "test_bad_input.py", "test_dependencies.py", "test_effects.py", "test_training.py", "test_complaints.py",
 )  # fmt: skip
 
 
@@ -69,7 +69,6 @@ def tiny() -> Params:
         "encoder": {"widths": [2, 4, 4, 4], "pairs": 4, "iterations": 3},
         "outcomes": {"memory": 4},
         "calibrate": {"steps": 6, "worlds": 2},
-        "effects": {"steps": 50, "worlds": 2},
         "sweep": {"conditions": ["free"], "rewards": ["mtl", "cais"], "seeds": 2, "chunk": 2},
     }
     return p.model_copy(update={name: getattr(p, name).model_copy(update=own) for name, own in changes.items()})

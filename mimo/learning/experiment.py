@@ -49,7 +49,7 @@ def inputs(params: Params, condition: str, reward: str, encoder: str, scales: Ma
         "encoder": {name: getattr(params.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")},
         "agent": params.agent.model_dump(),
         "rewards": {"gain": params.rewards.gain, "scale": params.rewards.scale}
-        | {part: own.model_dump() for part in parts if (own := getattr(params.rewards, part, None))},
+        | {part: getattr(params.rewards, part).model_dump() for part in parts if rewards.REWARDS[part].Constants},
     }
     if rewards.needs_outcomes(reward):
         read["outcomes"] = params.outcomes.model_dump()

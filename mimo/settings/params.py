@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from mimo.settings.complaints import bad_rewards, sentences, unless
-from mimo.settings.files import ParamsError, read
+from mimo.settings.files import ParamsError, read, shown
 from mimo.settings.section import Condition, Factor, Limb, Rate, Section, Seeds, Steps, Updates, Width, Worlds
 
 S = TypeVar("S", bound=Section)
@@ -196,7 +196,7 @@ class Params(Section):
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
         reward, _, seed = self.film.run.partition("/seed-")
         if reward not in self.sweep.rewards or int(seed) >= self.sweep.seeds:
-            raise ValueError(f"film.run must be one of the runs of sweep; it is {self.film.run}")
+            raise ValueError(f"film.run must be one of the runs of sweep; it is {shown(self.film.run)}")
         return self
 
 

@@ -32,7 +32,9 @@ class Effects(Section):
     def _known(self) -> "Effects":
         faults = bad_names("alternatives", self.alternatives)
         if (self.steps - self.dropped) * self.worlds < FEWEST:
-            faults.append(f"(steps - dropped) x worlds must be at least {FEWEST}, for every joint to move and to rest")
+            faults.append(
+                f"steps less dropped, times worlds, must be at least {FEWEST}, for every joint to move and to rest"
+            )
         if "published" in self.alternatives:
             faults.append("alternatives has 'published', which is the world of params.yaml itself")
         faults += [

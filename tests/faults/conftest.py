@@ -1,10 +1,13 @@
 """A small project whose runs are all to be computed, and what an undisturbed `dvc repro` makes of them."""
 
+from __future__ import annotations
+
 import json
 import re
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,6 +16,13 @@ from tests import once
 from tests.faults import harness
 from tests.faults.harness import Repro
 from tests.pipeline.project import edit, repro
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from mimo.settings.params import Params
+    from mimo.vision.encoder import Trained
+    from tests.faults.running import Run
 
 ROOT = Path(__file__).parents[2]
 TINY = {
@@ -119,3 +129,12 @@ def pipeline(computed: Pipeline) -> Pipeline:
     for run in computed.runs.iterdir():
         run.unlink()
     return computed
+
+
+@pytest.fixture(scope="module")
+def run(trained: Trained, tiny: Params, pairs: np.ndarray) -> Iterator[Run]:
+    """Fails where settings do not really run."""
+    from tests.faults import running  # late, as it loads torch
+
+    with running.computing(trained, tiny, pairs) as computed:
+        yield computed

@@ -1,9 +1,13 @@
-"""Mutants of params.yaml: misspelt, removed, wrong, extreme, repeated, torn; each with what a refusal must say."""
+"""Mutants of params.yaml and studies/params.yaml: misspelt, removed, wrong, extreme, repeated, torn.
+
+Each comes with what a refusal must say.
+"""
 
 import copy
 import functools
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +15,15 @@ import yaml
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from mimo.settings import params
+from mimo.settings import studies
 
 Keys = tuple[str | int, ...]
-Mutant = tuple[str, bytes, tuple[str, ...]]  # kind, the file, words that a refusal must have
+Made = tuple[bytes, tuple[str, ...]]  # the file, words that a refusal must have
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "params.yaml").read_text()
-WHOLE: dict[str, Any] = yaml.safe_load(TEXT)
+NAMED = (("variants",), ("alternatives",))  # sections of free names
+EXTREMES = (0, -1, 1, 1e-300, 1e300, float("nan"), float("inf"), -float("inf"), 10**12, -(10**12), 10**400, 1e-9, 1e9)
+WRONG: tuple[Any, ...] = (None, True, "text", "1e-3", "0.3", [], {}, [[1]], {"a": 1}, 3, 1.5, [1, 2], "")
 
 
 def walk(value: Any, above: Keys = ()) -> Iterator[Keys]:
@@ -32,16 +37,32 @@ def at(tree: Any, place: Keys) -> Any:
     return functools.reduce(lambda part, key: part[key], place, tree)
 
 
-PLACES = list(walk(WHOLE))
-NUMBERS = [place for place in PLACES if isinstance(at(WHOLE, place), int | float)]
-LISTS = [place for place in PLACES if isinstance(at(WHOLE, place), list)]
-WORDS = [place for place in PLACES if isinstance(at(WHOLE, place), str) and place[-1] != "asks"]
-FREE = ("variants", "alternatives")  # sections of free names
-KNOWN = [place for place in PLACES if isinstance(place[-1], str) and place[-2:-1] not in [(name,) for name in FREE]]
-LINES = [i for i, line in enumerate(TEXT.splitlines()) if re.match(r" *\w+:", line)]
-SCALARS = [match.span(1) for match in re.finditer(r"^ *\w+: ([\w.-]+)(?: #|$)", TEXT, re.MULTILINE)]
-EXTREMES = (0, -1, 1, 1e-300, 1e300, float("nan"), float("inf"), -float("inf"), 10**12, -(10**12), 10**400, 1e-9, 1e9)
-WRONG: tuple[Any, ...] = (None, True, "text", "1e-3", "0.3", [], {}, [[1]], {"a": 1}, 3, 1.5, [1, 2], "")
+class Shipped:
+    """A file of settings as it is shipped: its text, its values, and what there is to mutate."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.text = path, (ROOT / path).read_text()
+        self.whole: dict[str, Any] = yaml.safe_load(self.text)
+        self.places = list(walk(self.whole))
+        held = {place: at(self.whole, place) for place in self.places}
+        self.numbers = [place for place, value in held.items() if isinstance(value, int | float)]
+        self.lists = [place for place, value in held.items() if isinstance(value, list)]
+        self.words = [place for place, value in held.items() if isinstance(value, str) and place[-1] != "asks"]
+        self.known = [place for place in self.places if isinstance(place[-1], str) and place[-2:-1] not in NAMED]
+        self.lines = [i for i, line in enumerate(self.text.splitlines()) if re.match(r" *\w+:(?!( #.*)?$)", line)]
+        self.scalars = [match.span(1) for match in re.finditer(r"^ *\w+: ([\w.-]+)(?: #|$)", self.text, re.MULTILINE)]
+
+    def __repr__(self) -> str:
+        return str(self.path)
+
+    def put(self, place: Keys, value: Any) -> dict[str, Any]:
+        """The values, with another at a place."""
+        tree = copy.deepcopy(self.whole)
+        at(tree, place[:-1])[place[-1]] = copy.deepcopy(value)
+        return tree
+
+
+PARAMS, STUDIES = Shipped(Path("params.yaml")), Shipped(studies.PATH)
 
 
 def dump(tree: Any) -> bytes:
@@ -51,12 +72,6 @@ def dump(tree: Any) -> bytes:
 def words(place: Keys) -> tuple[str, ...]:
     """What names a place: its section, and its last key."""
     return str(place[0]), [key for key in place if isinstance(key, str)][-1].split(".")[-1]
-
-
-def put(place: Keys, value: Any) -> dict[str, Any]:
-    tree = copy.deepcopy(WHOLE)
-    at(tree, place[:-1])[place[-1]] = copy.deepcopy(value)
-    return tree
 
 
 @st.composite
@@ -70,93 +85,95 @@ def typos(draw: st.DrawFn, word: str) -> str:
 
 
 @st.composite
-def misspelt_key(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(KNOWN))
+def misspelt_key(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.known))
     name = str(place[-1])
     *before, last = name.split(".")
     typo = ".".join([*before, draw(typos(last))])
-    tree = copy.deepcopy(WHOLE)
+    tree = copy.deepcopy(file.whole)
     section = at(tree, place[:-1])
     items = [(typo if key == name else key, value) for key, value in section.items()]
     section.clear()
     section.update(items)
-    return dump(tree), (typo.split(".")[-1], last if name in params.VARIED else f"'{last}'")
+    return dump(tree), (typo.split(".")[-1], last if name in studies.VARIED else f"'{last}'")
 
 
 @st.composite
-def removed_key(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(PLACES))
-    tree = copy.deepcopy(WHOLE)
+def removed_key(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.places))
+    tree = copy.deepcopy(file.whole)
     del at(tree, place[:-1])[place[-1]]
     return dump(tree), (str(place[0]),)
 
 
 @st.composite
-def wrong_value(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(PLACES))
-    return dump(put(place, draw(st.sampled_from(WRONG)))), words(place)
+def wrong_value(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.places))
+    return dump(file.put(place, draw(st.sampled_from(WRONG)))), words(place)
 
 
 @st.composite
-def extreme_number(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(NUMBERS))
-    return dump(put(place, draw(st.sampled_from(EXTREMES)))), words(place)
+def extreme_number(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.numbers))
+    return dump(file.put(place, draw(st.sampled_from(EXTREMES)))), words(place)
 
 
 @st.composite
-def other_number(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
+def other_number(draw: st.DrawFn, file: Shipped) -> Made:
     """Up to three numbers, by up to 30 times more or less."""
-    tree = copy.deepcopy(WHOLE)
-    for place in draw(st.lists(st.sampled_from(NUMBERS), min_size=1, max_size=3, unique=True)):
-        value = at(WHOLE, place)
+    tree = copy.deepcopy(file.whole)
+    for place in draw(st.lists(st.sampled_from(file.numbers), min_size=1, max_size=3, unique=True)):
+        value = at(file.whole, place)
         changed = value * 10 ** draw(st.floats(-1.5, 1.5))
         at(tree, place[:-1])[place[-1]] = type(value)(changed)
     return dump(tree), ()
 
 
 @st.composite
-def misspelt_name(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(WORDS))
-    typo = draw(typos(str(at(WHOLE, place))))
-    return dump(put(place, typo)), (str(place[0]), repr(typo))
+def misspelt_name(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.words))
+    typo = draw(typos(str(at(file.whole, place))))
+    return dump(file.put(place, typo)), (str(place[0]), repr(typo))
 
 
 @st.composite
-def other_list(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    place = draw(st.sampled_from(LISTS))
-    value = at(WHOLE, place)
-    return dump(put(place, draw(st.sampled_from([[], [*value, value[0]], value[:1], [value], [None], value[0]])))), ()
+def other_list(draw: st.DrawFn, file: Shipped) -> Made:
+    place = draw(st.sampled_from(file.lists))
+    value = at(file.whole, place)
+    return dump(
+        file.put(place, draw(st.sampled_from([[], [*value, value[0]], value[:1], [value], [None], value[0]])))
+    ), ()
 
 
 @st.composite
-def repeated_line(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    lines = TEXT.splitlines()
-    at_line = draw(st.sampled_from([i for i in LINES if not re.search(r":( #.*)?$", lines[i])]))
+def repeated_line(draw: st.DrawFn, file: Shipped) -> Made:
+    lines = file.text.splitlines()
+    at_line = draw(st.sampled_from(file.lines))
     lines.insert(at_line, lines[at_line])
     return "\n".join(lines).encode(), (lines[at_line].split(":")[0].strip(), "once")
 
 
 @st.composite
-def other_character(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
+def other_character(draw: st.DrawFn, file: Shipped) -> Made:
     """One character in, out or changed, or a line indented, in front of a comment or in it."""
-    index = draw(st.integers(0, len(TEXT) - 1))
+    index = draw(st.integers(0, len(file.text) - 1))
     inserted = draw(
         st.sampled_from([*":[]{}&*!|>-\t'\"#\0,?%@`~=\n 0é\x85\u2028", "<<", "- ", ": ", "---\n", "\ufeff"])
     )
-    return (TEXT[:index] + inserted + TEXT[index + draw(st.integers(0, 1)) :]).encode(), ()
+    return (file.text[:index] + inserted + file.text[index + draw(st.integers(0, 1)) :]).encode(), ()
 
 
 @st.composite
-def other_byte(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    data = TEXT.encode()
+def other_byte(draw: st.DrawFn, file: Shipped) -> Made:
+    data = file.text.encode()
     index = draw(st.integers(0, len(data)))
     return data[:index] + draw(st.sampled_from([b"\xff", b"\xfe\xff", b"\xc3\x28", b"\x80"])) + data[index:], ("UTF-8",)
 
 
 @st.composite
-def odd_scalar(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
+def odd_scalar(draw: st.DrawFn, file: Shipped) -> Made:
     """A value that YAML reads in ways of its own."""
-    first, last = draw(st.sampled_from(SCALARS))
+    first, last = draw(st.sampled_from(file.scalars))
     odd = draw(
         st.sampled_from(
             ["!!python/object/apply:pathlib.Path.touch [made]", "!!python/name:os.system x", "!!python/none", "!mine 1",
@@ -168,20 +185,42 @@ def odd_scalar(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
              "'a\\nb'", '"a\\nb"', '"\\ud800"', '"\\0"', "x" * 5000, "|\n  text", "1 2", "[a, b", "{a: 1", "a: b"]
         )
     )  # fmt: skip
-    return (TEXT[:first] + odd + TEXT[last:]).encode(), ()
+    return (file.text[:first] + odd + file.text[last:]).encode(), ()
 
 
 BOMB = ", ".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12))
 
 
 @st.composite
-def bomb(draw: st.DrawFn) -> tuple[bytes, tuple[str, ...]]:
-    first, last = draw(st.sampled_from(SCALARS))
-    return (TEXT[:first] + f"{{a0: &a0 [x, x, x, x], {BOMB}}}" + TEXT[last:]).encode(), ("too much",)
+def bomb(draw: st.DrawFn, file: Shipped) -> Made:
+    first, last = draw(st.sampled_from(file.scalars))
+    return (file.text[:first] + f"{{a0: &a0 [x, x, x, x], {BOMB}}}" + file.text[last:]).encode(), ("too much",)
 
 
-KINDS: tuple[Callable[[], st.SearchStrategy[tuple[bytes, tuple[str, ...]]]], ...] = (
+KINDS: tuple[Callable[[Shipped], st.SearchStrategy[Made]], ...] = (
     misspelt_key, removed_key, wrong_value, extreme_number, other_number, misspelt_name, other_list, repeated_line,
     other_character, other_byte, odd_scalar, bomb
 )  # fmt: skip
-MUTANTS = st.one_of([kind().map(functools.partial(lambda name, made: (name, *made), kind.__name__)) for kind in KINDS])
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One of the files, changed.
+
+    Attributes:
+        file: which.
+        kind: how.
+        data: what it is now.
+        named: words that a refusal must have.
+    """
+
+    file: Shipped
+    kind: str
+    data: bytes
+    named: tuple[str, ...]
+
+
+@st.composite
+def mutants(draw: st.DrawFn) -> Mutant:
+    file, kind = draw(st.sampled_from([PARAMS, STUDIES])), draw(st.sampled_from(KINDS))
+    return Mutant(file, kind.__name__, *draw(kind(file)))

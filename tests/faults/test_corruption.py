@@ -46,7 +46,7 @@ def files(
 
 
 def digest(p: Params, reward: str, seed: int, scales: dict[str, float]) -> identity.Digest:
-    return identity.Digest(inputs(p, "free", reward, seed, "e" * 64, scales))
+    return identity.Digest(inputs(p, "free", reward, "e" * 64, scales) | {"seed": seed})
 
 
 def refused(data: bytes, schema: str, source: Path) -> bool:

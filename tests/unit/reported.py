@@ -9,10 +9,11 @@ import yaml
 
 from mimo.record import artifact
 from mimo.record.artifact import Dataset
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.vision import encoder
 from mimo.world import body
 from stages import analyse, claims, compare, explore, figures, report
+from stages import studies as beyond
 from stages.base import numbers, paths, store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,6 +21,10 @@ SEEDS = 2
 LENGTHS = {"baseline_steps": 20, "attached_steps": 40, "extinction_steps": 20}
 STEPS = sum(LENGTHS.values())
 MEASURES = {f"r2_{condition}_{axis}": 0.987654321 for condition in ("free", "noisy") for axis in "xyz"} | {"cltt": 0.2}
+VARIANTS = {
+    "gain_1": {"asks": "does it?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}},
+    "heavy": {"asks": "does mass?", "set": {"world.mobile_mass": 0.3}, "cells": {"noisy": ["mtl"]}},
+}
 SIZES = {"attached": [0.8, -0.004, 0.25], "others": 0.05}
 JOINTS = {"mtl": SIZES, "rtl": SIZES, "latent": {"attached": [0.03, 0.02, 0.04], "others": 0.01, "ratio": 3.0}}
 EFFECTS = {
@@ -34,7 +39,7 @@ EFFECTS = {
 
 
 def make(tiny: params.Params, frames: np.ndarray, trained: encoder.Trained) -> None:
-    """Fill the working directory: params.yaml, runs, encoder, and what the stages made of them.
+    """Fill the working directory: settings, runs, encoder, and what the stages made of them.
 
     Args:
         tiny: for the frames' number and the encoder's shape.
@@ -43,27 +48,29 @@ def make(tiny: params.Params, frames: np.ndarray, trained: encoder.Trained) -> N
     """
     settings = yaml.safe_load((ROOT / "params.yaml").read_text())
     settings["protocol"] |= LENGTHS
-    settings["sweep"]["seeds"] = settings["sweeps"]["seeds"] = SEEDS
-    settings["sweeps"]["variants"] = {
-        "gain_1": {"asks": "does it?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}
-    }
+    settings["sweep"]["seeds"] = SEEDS
     settings |= {"collect": tiny.collect.model_dump(), "encoder": tiny.encoder.model_dump(mode="json")}
     paths.PARAMS.write_text(yaml.safe_dump(settings))
+    asked = yaml.safe_load((ROOT / studies.PATH).read_text())
+    asked["sweeps"] = {"seeds": SEEDS, "variants": VARIANTS}
+    studies.PATH.parent.mkdir()
+    studies.PATH.write_text(yaml.safe_dump(asked))
     shutil.copy(ROOT / report.LOCK, report.LOCK)
     for condition in settings["sweep"]["conditions"]:
         for reward in settings["sweep"]["rewards"]:
             for seed in range(SEEDS):
                 fabricate(condition, reward, seed)
             list_runs(condition, reward, paths.manifest(condition, reward))
-    list_runs("free", "mtl", paths.variant_manifest("gain_1"), "gain_1")
+    for variant, condition in (("gain_1", "free"), ("heavy", "noisy")):
+        list_runs(condition, "mtl", paths.variant_manifest(variant), variant)
+        shutil.copytree(paths.RUNS / condition / "mtl", paths.VARIANTS / variant / condition / "mtl")
     encoder.save(trained, paths.ENCODER, "trained by a test", MEASURES)
     held = {"frames": Dataset(frames, "1", "regime, world, step, frame, row, column, colour")}
     artifact.write(paths.FRAMES, store.FRAME, "collected by a test", held)
     scale = {"mtl": Dataset(np.array(0.008), "m", "")}
     artifact.write(paths.SCALES, store.SCALE, "fabricated by a test", scale)
-    shutil.copytree(paths.RUNS / "free/mtl", paths.VARIANTS / "gain_1/free/mtl")
     numbers.write(EFFECTS, paths.EFFECTS)
-    for stage in (analyse, explore, compare, claims, figures, report):
+    for stage in (analyse, explore, claims, compare, figures, report, beyond):
         stage.main()
 
 

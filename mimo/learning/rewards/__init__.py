@@ -1,7 +1,8 @@
 """The intrinsic rewards (paper §3.3 to §3.5), a file each.
 
 To add one, put a file here with a subclass of Reward: params.yaml then accepts its name, alone or joined to others by
-`_`. These files load without torch, since params.py reads the names in places where torch would only cost time.
+`_`. These files load without torch, and without params.py, which reads the rewards: a section is made from
+`mimo.settings.section`.
 """
 
 import importlib
@@ -30,7 +31,7 @@ def parts(name: str, settings: Section) -> list[Reward]:
     Raises:
         UnknownRewardError: a part is no reward's name.
     """
-    return [kind(getattr(settings, kind.name, None)) for kind in _kinds(name)]
+    return [kind(getattr(settings, kind.name) if kind.Constants else None) for kind in _kinds(name)]
 
 
 def needs_outcomes(name: str) -> bool:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mimo.settings.section import Section
+
 if TYPE_CHECKING:
     from torch import Tensor
-
-    from mimo.settings.section import Section
 
 REWARDS: dict[str, type[Reward]] = {}
 
@@ -53,6 +53,8 @@ class Reward:
             raise ValueError(f"{cls.__name__}.name is {cls.name!r}: '_' joins the names of rewards.")
         if cls.name in REWARDS:
             raise ValueError(f"{cls.__name__}.name is {cls.name!r}: {REWARDS[cls.name].__name__} has it already.")
+        if cls.name in ("gain", "scale") or hasattr(Section, cls.name):
+            raise ValueError(f"{cls.__name__}.name is {cls.name!r}, which means something else in `rewards`.")
         REWARDS[cls.name] = cls
 
     def __init__(self, constants: Any) -> None:

@@ -95,7 +95,7 @@ def test_a_stage_ends_with_its_dvc(shell: str, tmp_path: Path) -> None:
     (tmp_path / "stage.py").write_text(STAGE)
     (tmp_path / "dvc.yaml").write_text(json.dumps({"stages": {"long": {"cmd": f"{sys.executable} stage.py"}}}))
     dvc = [sys.executable, "-m", "dvc"]
-    root = str(Path(__file__).parents[2])
+    root = str(Path(__file__).parents[3])
     own = os.environ | {"SHELL": str(shutil.which(shell)), "PYTHONPATH": root}
     subprocess.run([*dvc, "init", "-q", "--no-scm"], check=True)
     with subprocess.Popen([*dvc, "repro", "-q"], env=own) as repro:

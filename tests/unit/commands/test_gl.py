@@ -9,7 +9,7 @@ import pytest
 
 from stages.commands import gl
 
-TOP = Path(__file__).parents[2]
+TOP = Path(__file__).parents[3]
 NO_DRIVER = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "MUJOCO_GL": "egl"}
 
 

@@ -8,8 +8,7 @@ from mimo.record import artifact
 from mimo.settings import params
 from mimo.vision import collect, encoder
 from mimo.world import body, scene
-from mimo.world.eye import Eye
-from stages.drawing import example, portrait, schematics, style, taxonomy
+from stages.drawing import camera, example, schematics, style, taxonomy
 
 REGIME = collect.REGIMES.index((example.CONDITION, example.ROPE))
 
@@ -77,7 +76,7 @@ def test_figure_2_says_the_examples_numbers(shown: example.Example, tiny: params
 
 
 def test_the_numbers_of_figure_1_follow_params_and_scene(tiny: params.Params, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(portrait, "PIXELS", 32)
+    monkeypatch.setattr(camera, "STILL", 32)
     p = with_changes(
         tiny,
         protocol={"limb": "right_hand", "attached_steps": 1000, "updates_per_step": 60, "torque_updates": 25},
@@ -107,21 +106,3 @@ def test_the_layers_of_figure_5_follow_params(tiny: params.Params):
     ]  # fmt: skip
     assert "Q(MOVE) − 0.5" in said
     assert any(text.endswith("temperature 0.7") for text in said)
-
-
-def test_third_persons_see_the_rope_and_the_eye_does_not(tiny: params.Params, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(portrait, "PIXELS", 160)
-    scenes = [
-        scene.build(tiny.world, with_changes(tiny, protocol={"limb": limb}).protocol)
-        for limb in ("left_foot", "right_foot")
-    ]
-    pictures = np.stack([portrait.draw(built).astype(int) for built in scenes])
-    differ = np.ptp(pictures, axis=0).max(axis=2) > 40
-    assert 0.002 < differ.mean() < 0.05
-    redness = pictures[..., 0] - pictures[..., 1:].max(axis=3)
-    assert (redness.max(axis=0)[differ] > 40).mean() > 0.7  # the rest are edges, half skin
-    seen = []
-    for built in scenes:
-        with Eye(built) as eye:
-            seen.append(eye.frames(built.model.key_qpos))
-    assert np.array_equal(seen[0], seen[1])

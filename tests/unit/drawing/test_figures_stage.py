@@ -12,16 +12,16 @@ from matplotlib.text import Text
 from mimo.record import artifact
 from mimo.settings import params
 from mimo.vision import encoder
-from stages import figures
 from stages.base import origin, paths, store
+from stages.drawing import figures
 from stages.page import captions
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 REDRAWN = ("fig1", "fig3", "reconstructions")  # with text, curves and images; the others take long and have the same
 REDRAW = """
 import sys
 from mimo.record import artifact; from mimo.vision import encoder; from mimo.settings import params
-from stages import figures; from stages.base import paths, store
+from stages.drawing import figures; from stages.base import paths, store
 results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, encoder.SCHEMA)
 plan = figures.plan(params.load(), results, held, artifact.read(paths.FRAMES, store.FRAME)["frames"])
 for name in sys.argv[1:]:
@@ -65,11 +65,11 @@ def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project:
 
 
 def test_from_the_latent_alone_nothing_else_of_the_frame_counts(project: Path, tiny: params.Params):
-    net = encoder.Extractor(tiny.encoder, encoder.load(artifact.read(paths.ENCODER, encoder.SCHEMA))).net
+    extract = encoder.Extractor(tiny.encoder, encoder.load(artifact.read(paths.ENCODER, encoder.SCHEMA)))
     frame = artifact.read(paths.FRAMES, store.FRAME)["frames"][0, 0, :1, 0]
-    h, skips = net.encode(encoder.images(frame))
-    expected = net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()
-    assert np.array_equal(figures._from_latent(net, frame), expected)
+    h, skips = extract.net.encode(encoder.images(frame))
+    expected = extract.net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()
+    assert np.array_equal(extract.reconstruct(frame, skips=False), expected)
 
 
 def test_a_reward_that_was_not_run_leaves_a_note_in_its_place(project: Path):

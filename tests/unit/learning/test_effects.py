@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from pydantic import ValidationError
 from scipy import stats
 
 from mimo.learning import effects
 from mimo.learning.effects import Sample
 from mimo.record import streams
-from mimo.settings import params
+from mimo.settings import params, studies
 from mimo.settings.params import Params
+from mimo.settings.studies import Effects
 from mimo.vision.encoder import Extractor, Trained
 from mimo.world import body, scene
 from mimo.world.eye import Eye
@@ -129,17 +129,24 @@ def test_what_does_not_vary_has_no_effect(change: dict[str, np.ndarray], words: 
 # A small measurement.
 
 
-def taken(p: Params, trained: Trained, regime: tuple[str, bool]) -> Sample:
+@pytest.fixture(scope="module")
+def asked() -> Effects:
+    """50 agent steps, of which 30 count, in each of two worlds."""
+    shipped = studies.load(params.load()).effects
+    return params.checked(shipped, {"steps": 50, "worlds": 2, "alternatives": {"heavy": {"world.mobile_mass": 0.3}}})
+
+
+def taken(p: Params, asked: Effects, trained: Trained, regime: tuple[str, bool]) -> Sample:
     built = scene.build(p.world, p.protocol)
     with Eye(built) as eye:
-        return effects.sample(p, built, eye, Extractor(p.encoder, trained), regime, lambda done: None)
+        return effects.sample(p, asked, built, eye, Extractor(p.encoder, trained), regime, lambda done: None)
 
 
 @pytest.fixture(scope="module")
-def measured(tiny: Params, trained: Trained) -> tuple[dict[str, Any], list[int]]:
+def measured(tiny: Params, asked: Effects, trained: Trained) -> tuple[dict[str, Any], list[int]]:
     """The effects, and the progress told."""
     told: list[int] = []
-    return effects.measure(tiny, trained, told.append), told
+    return effects.measure(tiny, asked, trained, told.append), told
 
 
 def test_all_is_measured(measured: tuple[dict[str, Any], list[int]]) -> None:
@@ -156,9 +163,9 @@ def test_all_is_measured(measured: tuple[dict[str, Any], list[int]]) -> None:
     json.dumps(found, allow_nan=False)
 
 
-def test_steps_are_those_of_the_world(tiny: Params, trained: Trained) -> None:
+def test_steps_are_those_of_the_world(tiny: Params, asked: Effects, trained: Trained) -> None:
     """Again by a loop over worlds, one at a time, with the streams as other code would draw them."""
-    found = taken(tiny, trained, ("noisy", True))
+    found = taken(tiny, asked, trained, ("noisy", True))
     assert found.moved.shape == (60, 12)
     built, extract = scene.build(tiny.world, tiny.protocol), Extractor(tiny.encoder, trained)
     with Eye(built) as eye:
@@ -172,7 +179,7 @@ def test_steps_are_those_of_the_world(tiny: Params, trained: Trained) -> None:
             for step in range(50):
                 moved = policy.random(12) < 1 / (1 + math.exp(0.2 / 0.3))
                 positive = direction.random(12) < 0.5
-                outcome = worlds.step(worlds.torque(moved[None], positive[None]), attached=True)
+                outcome = worlds.step(moved[None], positive[None], attached=True)
                 before, latent = latent, extract(eye.frames(worlds.qpos))
                 if step >= 20:
                     row = 2 * (step - 20) + world
@@ -183,35 +190,32 @@ def test_steps_are_those_of_the_world(tiny: Params, trained: Trained) -> None:
                     assert found.rtl[row] == pytest.approx(float(torch.linalg.norm(latent - before)), rel=1e-5)
 
 
-def test_the_rope_alone_tells_its_phases_apart(tiny: Params, trained: Trained) -> None:
-    on, off = (taken(tiny, trained, ("noisy", rope)) for rope in (True, False))
+def test_the_rope_alone_tells_its_phases_apart(tiny: Params, asked: Effects, trained: Trained) -> None:
+    on, off = (taken(tiny, asked, trained, ("noisy", rope)) for rope in (True, False))
     assert (on.moved == off.moved).all()
     assert not np.array_equal(on.position, off.position)
 
 
-def test_a_mobile_that_the_rope_never_moves_is_refused(tiny: Params, trained: Trained) -> None:
-    world, few = tiny.world.model_copy(update={"rope_slack": 5.0}), {"steps": 30, "worlds": 1}  # params.py refuses both
-    loose = tiny.model_copy(update={"world": world, "effects": tiny.effects.model_copy(update=few)})
+def test_a_mobile_that_the_rope_never_moves_is_refused(tiny: Params, asked: Effects, trained: Trained) -> None:
+    # The settings would refuse both.
+    loose = tiny.model_copy(update={"world": tiny.world.model_copy(update={"rope_slack": 5.0})})
+    few = asked.model_copy(update={"steps": 30, "worlds": 1})
     with pytest.raises(FloatingPointError, match="does not vary under the resting policy"):
-        effects.measure(loose, trained)
-
-
-def test_more_steps_are_asked_for_than_are_dropped(tiny: Params) -> None:
-    params.changed(tiny, {"effects.steps": effects.DROPPED + 1, "effects.worlds": 20})
-    with pytest.raises((params.ParamsError, ValidationError), match=f"greater than {effects.DROPPED}"):
-        params.changed(tiny, {"effects.steps": effects.DROPPED})
+        effects.measure(loose, few, trained)
 
 
 # The stage.
 
 
 @pytest.fixture
-def project(tiny: Params, encoder_file: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with params.yaml and an encoder."""
-    small = params.changed(tiny, {"effects.alternatives": {"heavy": {"world.mobile_mass": 0.3}}})
+def project(tiny: Params, asked: Effects, encoder_file: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the files of settings and an encoder."""
+    small = studies.load(params.load()).model_copy(update={"effects": asked})
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["effects", "--serial"])
-    Path("params.yaml").write_text(yaml.safe_dump(small.model_dump()))
+    paths.PARAMS.write_text(yaml.safe_dump(tiny.model_dump()))
+    studies.PATH.parent.mkdir()
+    studies.PATH.write_text(yaml.safe_dump(small.model_dump()))
     paths.ENCODER.parent.mkdir()
     paths.ENCODER.write_bytes(encoder_file)
     return tmp_path
@@ -249,6 +253,7 @@ def test_worlds_are_measured_once_and_published_rounded(
         ("encoder.latent_sd", 1.0, True),
         ("effects.steps", 51, True),
         ("effects.worlds", 3, True),
+        ("effects.dropped", 19, True),
         ("seed", 1, True),
         ("effects.alternatives", {}, False),
         ("protocol.attached_steps", 9, False),
@@ -257,5 +262,12 @@ def test_worlds_are_measured_once_and_published_rounded(
         ("sweep.seeds", 9, False),
     ],
 )
-def test_the_digest_is_of_what_a_world_reads(key: str, value: object, matters: bool, tiny: Params) -> None:
-    assert (stage.digest(params.changed(tiny, {key: value}), "e") != stage.digest(tiny, "e")) == matters
+def test_the_digest_is_of_what_a_world_reads(
+    key: str, value: object, matters: bool, tiny: Params, asked: Effects
+) -> None:
+    p, changed = tiny, asked
+    if key.startswith("effects."):
+        changed = params.checked(asked, {key.removeprefix("effects."): value})
+    else:
+        p = params.changed(tiny, {key: value})
+    assert (stage.digest(p, changed, "e") != stage.digest(tiny, asked, "e")) == matters

@@ -1,21 +1,38 @@
-"""Rewards against numbers worked by hand."""
+"""Rewards against numbers worked by hand, and what a file in their folder is enough for."""
 
+import json
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
+import yaml
 
 from mimo.learning import rewards
+from mimo.learning.experiment import inputs
 from mimo.learning.rewards import REWARDS, Reward, Transition, UnknownRewardError
+from mimo.record import identity
 from mimo.settings import params
 
 JOINTS, LATENT = 12, 64
 
 
+PAPERS = ("cais", "mtl", "rtl", "surprise")
+
+
 def settings(cais: str = "move", surprise: str = "taken") -> params.Rewards:
     pays = {"cais": {"pays": cais}, "surprise": {"pays": surprise}}
-    return params.Rewards.model_validate({"gain": 0.3, "scale": "resting"} | pays)
+    return params.checked(params.load().rewards, pays)
+
+
+def made(name: str, **pays: str) -> Reward:
+    """The reward of that name, with what these pay."""
+    (reward,) = rewards.parts(name, settings(**pays))
+    return reward
 
 
 def transition() -> Transition:
@@ -33,29 +50,29 @@ def transition() -> Transition:
 
 
 def test_mtl_is_the_path_length_for_all_joints() -> None:
-    assert torch.equal(REWARDS["mtl"](settings())(transition()), torch.tensor([[0.25] * JOINTS, [2.0] * JOINTS]))
+    assert torch.equal(made("mtl")(transition()), torch.tensor([[0.25] * JOINTS, [2.0] * JOINTS]))
 
 
 def test_rtl_is_the_euclidean_step_of_the_latent() -> None:
-    assert torch.equal(REWARDS["rtl"](settings())(transition()), torch.tensor([[5.0] * JOINTS, [2.0] * JOINTS]))
+    assert torch.equal(made("rtl")(transition()), torch.tensor([[5.0] * JOINTS, [2.0] * JOINTS]))
 
 
 def test_cais_pays_move_alone() -> None:
     expected = torch.zeros(2, JOINTS)
     expected[0, 0], expected[0, 5] = 1.0, 11.0  # entry 2 * joint + 1
-    assert torch.equal(REWARDS["cais"](settings("move"))(transition()), expected)
+    assert torch.equal(made("cais", cais="move")(transition()), expected)
 
 
 def test_cais_pays_the_action_taken() -> None:
     expected = torch.stack([torch.arange(0, 24, 2.0), torch.arange(100, 124, 2.0)])
     expected[0, 0], expected[0, 5] = 1.0, 11.0
-    assert torch.equal(REWARDS["cais"](settings("taken"))(transition()), expected)
+    assert torch.equal(made("cais", cais="taken")(transition()), expected)
 
 
 def test_surprise_is_each_joints_distance_from_its_expectation() -> None:
     expected = torch.zeros(2, JOINTS)
     expected[0, 3], expected[1, 11] = 5.0, 6.0
-    assert torch.equal(REWARDS["surprise"](settings())(transition()), expected)
+    assert torch.equal(made("surprise")(transition()), expected)
 
 
 def test_surprise_may_pay_move_alone() -> None:
@@ -63,7 +80,7 @@ def test_surprise_may_pay_move_alone() -> None:
     seen.action[1, 11] = True
     expected = torch.zeros(2, JOINTS)
     expected[1, 11] = 6.0
-    assert torch.equal(REWARDS["surprise"](settings(surprise="move"))(seen), expected)
+    assert torch.equal(made("surprise", surprise="move")(seen), expected)
 
 
 @pytest.mark.parametrize("name", ["cais", "surprise"])
@@ -71,7 +88,7 @@ def test_a_reward_that_needs_outcomes_refuses_a_transition_without(name: str) ->
     whole = transition()
     bare = Transition(whole.path_length, whole.latent_before, whole.latent, whole.action)
     with pytest.raises(AssertionError, match="needs the"):
-        REWARDS[name](settings())(bare)
+        made(name)(bare)
 
 
 @pytest.mark.parametrize("name", list(REWARDS))
@@ -85,7 +102,7 @@ def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
         "influence": torch.rand(7, JOINTS, 2, generator=generator),
         "expectation": torch.randn(7, JOINTS, LATENT, generator=generator),
     }
-    reward = REWARDS[name](settings())
+    reward = made(name)
     stack = reward(Transition(**fields))
     assert stack.shape == (7, JOINTS)
     for seed in range(7):
@@ -94,19 +111,21 @@ def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
 
 
 def test_parts_follow_the_name() -> None:
-    assert list(REWARDS)[:4] == ["mtl", "rtl", "cais", "surprise"]
+    assert tuple(name for name in REWARDS if name in PAPERS) == PAPERS
     assert [part.name for part in rewards.parts("mtl_surprise", settings())] == ["mtl", "surprise"]
     assert [part.name for part in rewards.parts("cais", settings())] == ["cais"]
-    needing = [name for name in ("mtl", "rtl", "cais", "surprise", "rtl_surprise") if rewards.needs_outcomes(name)]
+    needing = [name for name in (*PAPERS, "rtl_surprise") if rewards.needs_outcomes(name)]
     assert needing == ["cais", "surprise", "rtl_surprise"]
 
 
 @pytest.mark.parametrize(("name", "part"), [("mtl_curiosity", "curiosity"), ("", ""), ("mtl_", "")])
 def test_an_unknown_part_is_named_in_a_sentence(name: str, part: str) -> None:
-    with pytest.raises(UnknownRewardError, match=f"'{part}': known are mtl, rtl, cais, surprise"):
+    with pytest.raises(UnknownRewardError, match=f"'{part}': known are {', '.join(REWARDS)}"):
         rewards.parts(name, settings())
     with pytest.raises(LookupError):
         rewards.needs_outcomes(name)
+    with pytest.raises(LookupError):
+        rewards.modules(name)
 
 
 @pytest.mark.parametrize(("name", "fault"), [("mtl", "MTL has it already"), ("mtl_twice", "'_' joins")])
@@ -120,3 +139,112 @@ def test_a_name_that_cannot_be_used_is_refused(name: str, fault: str) -> None:
 def test_names_load_without_torch() -> None:
     code = "import sys, mimo.learning.rewards, mimo.settings.params; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_modules_of_a_name_are_the_files_of_its_parts() -> None:
+    assert rewards.modules("mtl_surprise") == ["mimo.learning.rewards.mtl", "mimo.learning.rewards.surprise"]
+
+
+# A file in the folder.
+
+NOVELTY = '''
+"""How new a path is."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from mimo.learning.rewards.mtl import MTL
+from mimo.settings.section import Section
+
+
+class Novelty(MTL):
+    """MTL, weighed."""
+
+    name = "novelty"
+
+    class Constants(Section):
+        """`weight`: of a metre."""
+
+        weight: Annotated[float, Field(ge=0, le=9)]
+
+    def __call__(self, t):
+        """See Reward."""
+        return self.constants.weight * super().__call__(t)
+'''
+PAID = """
+import torch
+from mimo.learning import rewards
+from mimo.settings import params
+p = params.load("with.yaml")
+action, h = torch.zeros(2, 12, dtype=torch.bool), torch.zeros(2, 64)
+t = rewards.Transition(torch.tensor([0.25, 2.0]), h, h, action)
+parts = rewards.parts("mtl_novelty", p.rewards)
+assert [part(t)[:, 3].tolist() for part in parts] == [[0.25, 2.0], [1.0, 8.0]]
+for file in ("params.yaml", "heavy.yaml"):
+    try:
+        params.load(file)
+    except params.ParamsError as error:
+        print(error)
+"""
+DIGESTS = """
+import json, sys
+from pathlib import Path
+from mimo.learning.experiment import inputs
+from mimo.record import identity
+from mimo.settings import params
+p, scales = params.load("with.yaml"), json.loads(sys.argv[1])
+found = []
+for edited in (None, "novelty", "mtl", "surprise", "reward"):
+    path = Path(f"mimo/learning/rewards/{edited}.py")
+    before = path.read_text() if edited else ""
+    if edited:
+        path.write_text(before + "\\nEDITED = True\\n")
+    found.append({name: identity.Digest(inputs(p, "free", name, "e", scales)) for name in scales})
+    if edited:
+        path.write_text(before)
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture
+def extended(tmp_path: Path) -> Path:
+    """A copy of the package with one more file, params.yaml as it is, and as it must be: with a weight of 4, or 10."""
+    top = identity.ROOT
+    shutil.copytree(top / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "mimo/learning/rewards/novelty.py").write_text(NOVELTY)
+    shutil.copy(top / "params.yaml", tmp_path)
+    whole: dict[str, Any] = yaml.safe_load((top / "params.yaml").read_text())
+    whole["sweep"]["rewards"] += ["novelty", "rtl_novelty"]
+    for name, weight in (("with", 4.0), ("heavy", 10.0)):
+        whole["rewards"]["novelty"] = {"weight": weight}
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(whole))
+    return tmp_path
+
+
+def said(folder: Path, script: str, *arguments: str) -> str:
+    """What a script says in a process whose package is that of `folder`."""
+    own = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments], cwd=folder, env=own, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_file_in_the_folder_is_a_reward_with_a_section_of_its_own(extended: Path) -> None:
+    assert said(extended, PAID).splitlines() == [
+        "params.yaml: rewards.novelty is missing.",
+        "heavy.yaml: rewards.novelty.weight must be less than or equal to 9; it is 10.0.",
+    ]
+
+
+def test_a_runs_digest_is_of_its_own_rewards_files_alone(extended: Path, scales: dict[str, float]) -> None:
+    """Novelty inherits from MTL, so that MTL's file is its own too; all have what a reward is."""
+    here = {name: identity.Digest(inputs(params.load(), "free", name, "e", scales)) for name in PAPERS}
+    added, *edited = json.loads(said(extended, DIGESTS, json.dumps(scales | {"novelty": 0.1})))
+    assert list(added) == [*scales, "novelty"]
+    assert {name: added[name] for name in PAPERS} == here
+    assert [{name for name in added if after[name] != added[name]} for after in edited] == [
+        {"novelty"}, {"mtl", "novelty"}, {"surprise"}, {*PAPERS, "novelty"}
+    ]  # fmt: skip

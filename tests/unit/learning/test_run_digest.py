@@ -9,25 +9,25 @@ from mimo.learning.experiment import Experiment, inputs
 from mimo.record import identity, streams
 from mimo.settings import params
 from mimo.settings.params import Params
+from mimo.settings.section import Section
 from mimo.vision.encoder import Trained
+from tests.unit.learning.recorded import ALL
 
 P = params.load()
-ALL = ("mtl", "rtl", "cais", "surprise", "mtl_surprise", "rtl_surprise", "cais_surprise")
-RUNNING = params.checked(P.rewards, {"scale": "running"})
 
 
 def digest(p: Params, condition: str, reward: str, scales: dict[str, float], seed: int = 0, encoder: str = "e") -> str:
-    return identity.Digest(inputs(p, condition, reward, seed, encoder, scales))
+    return identity.Digest(inputs(p, condition, reward, encoder, scales) | {"seed": seed})
 
 
 Place = tuple[str, ...]
 
 
-def leaves(section: params.Section, above: Place = ()) -> list[Place]:
+def leaves(section: Section, above: Place = ()) -> list[Place]:
     found: list[Place] = []
     for name in type(section).model_fields:
         value = getattr(section, name)
-        found += leaves(value, (*above, name)) if isinstance(value, params.Section) else [(*above, name)]
+        found += leaves(value, (*above, name)) if isinstance(value, Section) else [(*above, name)]
     return found
 
 
@@ -44,7 +44,7 @@ def altered(section: Any, path: Sequence[str]) -> Any:
     elif isinstance(value, list):
         other = value[1:]
     else:
-        other = {} if isinstance(value, dict) else value + 1
+        other = value + 1
     return section.model_copy(update={name: other})
 
 
@@ -79,16 +79,16 @@ def test_a_run_reads_nothing_that_its_digest_leaves_out(
         id(section): path[:depth]
         for path in leaves(tiny)
         for depth in range(1, len(path))
-        if isinstance(section := _at(tiny, path[:depth]), params.Section)
+        if isinstance(section := _at(tiny, path[:depth]), Section)
     }
     seen: set[Place] = set()
 
-    def spy(self: params.Section, name: str) -> Any:
+    def spy(self: Section, name: str) -> Any:
         if id(self) in places and name in type(self).model_fields:
             seen.add((*places[id(self)], name))
-        return super(params.Section, self).__getattribute__(name)
+        return super(Section, self).__getattribute__(name)
 
-    monkeypatch.setattr(params.Section, "__getattribute__", spy, raising=False)
+    monkeypatch.setattr(Section, "__getattribute__", spy, raising=False)
     Experiment(tiny, condition, reward, [0], trained, scales).run()
     monkeypatch.undo()
     read = seen & set(leaves(tiny))
@@ -119,16 +119,16 @@ def test_the_digest_changes_with_run_encoder_and_scale(scales: dict[str, float])
 
 
 def test_with_running_scales_the_digest_leaves_the_resting_ones_out(scales: dict[str, float]) -> None:
-    changed = P.model_copy(update={"rewards": RUNNING})
+    changed = params.changed(P, {"rewards.scale": "running"})
     for reward in ALL:
-        assert inputs(changed, "free", reward, 0, "e", scales)["scales"] == {}
+        assert inputs(changed, "free", reward, "e", scales)["scales"] == {}
         assert digest(changed, "free", reward, scales) == digest(changed, "free", reward, {})
 
 
 def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, float]) -> None:
-    made = inputs(P, "noisy", "cais_surprise", 3, "e", scales)
+    made = inputs(P, "noisy", "cais_surprise", "e", scales)
     assert identity.canonical(made)
-    assert (made["condition"], made["reward"], made["seed"], made["encoder"]) == ("noisy", "cais_surprise", 3, "e")
+    assert (made["condition"], made["reward"], made["encoder"]) == ("noisy", "cais_surprise", "e")
     assert made["scales"] == {"cais": scales["cais"], "surprise": scales["surprise"]}
     assert {
         "mimo.learning.experiment",
@@ -138,6 +138,8 @@ def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, floa
         "mimo.vision.encoder",
     } <= set(made["code"])
     assert made["versions"] == identity.versions()
-    mtl = inputs(P, "noisy", "mtl", 3, "e", scales)
-    assert mtl["code"]["mimo.learning.rewards"] != made["code"]["mimo.learning.rewards"]
-    assert mtl["code"]["mimo.learning.agent"] == made["code"]["mimo.learning.agent"]
+    mtl = inputs(P, "noisy", "mtl", "e", scales)
+    own = {f"mimo.learning.rewards.{name}" for name in ("mtl", "cais", "surprise")}
+    assert mtl["code"].keys() & own == {"mimo.learning.rewards.mtl"}
+    assert mtl["code"].keys() ^ made["code"].keys() == own
+    assert all(mtl["code"][name] == made["code"][name] for name in mtl["code"].keys() - own)

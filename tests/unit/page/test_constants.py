@@ -1,14 +1,15 @@
-"""The report's table of constants, and numbers as people write them."""
+"""The pages' tables of constants, and numbers as people write them."""
 
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from stages import report
-from stages.base import numbers
-from stages.page import constants
+from mimo.settings import studies
+from stages.base import numbers, paths
+from stages.page import constants, page
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_constants_with_their_comments():
@@ -35,17 +36,18 @@ def test_constants_with_their_comments():
     ]
 
 
-def test_every_constant_of_params_yaml_says_its_source():
-    assert [
-        constant.key for constant in constants.constants((ROOT / "params.yaml").read_text()) if not constant.source
-    ] == []
+@pytest.mark.parametrize("file", [paths.PARAMS, studies.PATH], ids=str)
+def test_every_constant_says_its_source(file: Path):
+    found = constants.constants((ROOT / file).read_text())
+    assert len(found) > 12
+    assert [constant.key for constant in found if not constant.source] == []
 
 
 def test_numbers_as_people_write_them():
     assert numbers.number(-0.001) == "0.00"
     assert numbers.number(-0.26) == "−0.26"
     assert numbers.number(None) == "–"
-    assert report.spread({"mean": 0.5, "sd": None}) == "0.50"
+    assert page.spread({"mean": 0.5, "sd": None}) == "0.50"
     assert numbers.rounded({"a": [1, 0.12345678], "b": -0.0, "c": np.float64("nan"), "d": float("-inf")}) == {
         "a": [1, 0.123457], "b": 0.0, "c": None, "d": None,
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The report in a real browser, from its file: the published one, and that of a small project."""
+"""The report's pages in a real browser, from their files: the published ones, and those of a small project."""
 
 import shutil
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 
 from stages.base import paths
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 QUIET = (
     "--headless",
     "--no-sandbox",
@@ -58,9 +58,9 @@ def made(browser: Chrome, reported: Path) -> Chrome:
     return opened(browser, reported)
 
 
-def opened(browser: Chrome, project: Path) -> Chrome:
+def opened(browser: Chrome, project: Path, page: Path = paths.REPORT) -> Chrome:
     widen(browser, DESK)
-    browser.get((project / paths.REPORT).as_uri())
+    browser.get((project / page).as_uri())
     return browser
 
 
@@ -82,15 +82,36 @@ def choose(browser: Chrome, name: str, text: str) -> None:
     Select(browser.find_element(By.NAME, name)).select_by_visible_text(text)
 
 
+def assert_fits(browser: Chrome) -> None:
+    """Nothing overflows, on any screen or on paper, and the console is silent."""
+    for width, media in ((DESK, ""), (PHONE, ""), (PAPER, "print")):
+        widen(browser, width, media)
+        assert browser.execute_script("return innerWidth") == width
+        assert browser.execute_script(OVERFLOW) == 0, width
+    assert browser.get_log("browser") == []
+
+
 def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(published: Chrome) -> None:
     pictures = published.execute_script(PICTURES)
     assert len(pictures) >= 6
     assert min(pictures) > 0
-    for width, media in ((DESK, ""), (PHONE, ""), (PAPER, "print")):
-        widen(published, width, media)
-        assert published.execute_script("return innerWidth") == width
-        assert published.execute_script(OVERFLOW) == 0, width
-    assert published.get_log("browser") == []
+    assert_fits(published)
+
+
+def test_the_studies_page_fits_and_its_console_is_silent(browser: Chrome) -> None:
+    studies = opened(browser, ROOT, paths.STUDIES)
+    assert len(studies.find_elements(By.CSS_SELECTOR, "#decides tbody tr, #fair tbody tr")) > 20
+    assert_fits(studies)
+
+
+def test_a_small_projects_pages_fit_and_lead_to_each_other(made: Chrome) -> None:
+    assert_fits(made)
+    widen(made, DESK)
+    made.find_element(By.CSS_SELECTOR, f"header a[href='{paths.STUDIES.name}']").click()
+    assert made.title.endswith("studies")
+    assert_fits(made)
+    made.find_element(By.CSS_SELECTOR, f"header a[href='{paths.REPORT.name}']").click()
+    assert made.title.endswith("results")
 
 
 def test_films_play(published: Chrome) -> None:

@@ -1,10 +1,9 @@
-"""The report: all that it should say, and from where, as text; tests/unit/test_page.py opens it in a browser."""
+"""The paper's page: all that it should say, and from where, as text; test_page.py opens it in a browser."""
 
 import base64
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -12,20 +11,19 @@ import pytest
 from mimo.settings import params
 from mimo.world import body
 from stages import report
-from stages.base import console, numbers, paths
-from stages.page import captions, verdicts
+from stages.base import console, paths
+from stages.page import captions, page
 from stages.page.constants import Constant
+from stages.page.page import Made
+from tests.unit.page.reading import Page, plain, rows
 from tests.unit.reported import LENGTHS
-
-VOID = {"meta", "br", "img", "input"}
-
 
 VERSIONS = {"mujoco-core": "4", "torch": "2", "numpy": "2"}
 
 
 @pytest.fixture
-def made(project: Path) -> report.Made:
-    return report.gathered(params.load())
+def made(project: Path) -> Made:
+    return page.gathered(params.load())
 
 
 @pytest.fixture
@@ -33,36 +31,12 @@ def html(project: Path) -> str:
     return paths.REPORT.read_text()
 
 
-def page(made: report.Made, constants: list[Constant] | None = None) -> str:
+def shown(made: Made, constants: list[Constant] | None = None) -> str:
     """The page of `made`, as stages.report makes it."""
-    return report.page(made, params.load().protocol, constants or [], VERSIONS)
+    return page.index(made, params.load().protocol, constants or [], VERSIONS)
 
 
-class Page(HTMLParser):
-    """Every tag closed in order; collects attributes and text."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.attributes: list[tuple[str, str, str | None]] = []
-        self.text = ""
-        self.feed(html)
-        self.close()
-        assert not self.open
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.attributes += [(tag, name, value) for name, value in attrs]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def test_the_page_holds_every_figure_and_links_to_its_files(made: report.Made, html: str):
+def test_the_page_holds_every_figure_and_links_to_its_files(made: Made, html: str):
     attributes = Page(html).attributes
     pictures = [value or "" for tag, name, value in attributes if (tag, name) == ("img", "src")]
     held = [base64.b64decode(picture.removeprefix("data:image/svg+xml;base64,")) for picture in pictures]
@@ -76,19 +50,21 @@ def test_the_page_holds_every_figure_and_links_to_its_files(made: report.Made, h
     assert all(len(word) > 40 for word in words)
 
 
-def test_the_page_loads_nothing_but_films(html: str):
+@pytest.mark.parametrize("path", [paths.REPORT, paths.STUDIES], ids=str)
+def test_a_page_loads_nothing_but_films(path: Path, project: Path):
+    html = path.read_text()
     attributes = Page(html).attributes
     links = {value or "" for _, name, value in attributes if name in {"src", "href", "srcset", "data", "poster"}}
     assert {link[1:] for link in links if link.startswith("#")} <= set(re.findall(r'id="([^"]+)"', html))
     beside = {link for link in links if not link.startswith(("data:", "#"))} - {paths.PUBLISHED_ON.name}
-    assert all((paths.REPORT.parent / link).is_file() for link in beside)
+    assert all((path.parent / link).is_file() for link in beside)
     assert {tag for tag, name, value in attributes if name == "src" and value in beside} <= {"video"}
     without = html.replace("http://www.w3.org/2000/svg", "")  # a name, not an address
     assert not re.search(r"https?:|url\(|@import|fetch|XMLHttp", re.sub(r"data:image[^\"]+", "", without))
 
 
-def test_the_page_says_numbers_and_where_they_are_from(made: report.Made, html: str):
-    text = " ".join(Page(html).text.split())
+def test_the_page_says_numbers_and_where_they_are_from(made: Made, html: str):
+    text = plain(html)
     assert "0.81 ± 0.09" in text
     assert "2 of 2" in text
     assert text.count(made.metrics["results"]) == 7  # claims, tables, four figures, and the figures' origin
@@ -96,7 +72,12 @@ def test_the_page_says_numbers_and_where_they_are_from(made: report.Made, html: 
     assert text.count("Line: mean over n = 2 seeds. Shaded: 1 SD over seeds.") == 4
     assert "learn from the last 200 transitions" in text
     assert "an R² of 0.99 (free, x), 0.99 (free, y), 0.99 (free, z), 0.99 (noisy, x)" in text
-    assert report.versions(report.LOCK.read_text())["torch"] in text
+    assert page.versions(report.LOCK.read_text())["torch"] in text
+
+
+def test_the_pages_lead_to_each_other(html: str):
+    assert ("a", "href", paths.STUDIES.name) in Page(html).attributes
+    assert ("a", "href", paths.REPORT.name) in Page(paths.STUDIES.read_text()).attributes
 
 
 def test_constants_stand_below_their_sections(html: str):
@@ -114,7 +95,7 @@ def test_every_joint_of_the_paper_is_on_the_page(html: str):
     assert all(name in text for name in body.JOINTS[: body.FIXED])
 
 
-def test_every_file_behind_the_figures_is_named_with_its_digest(made: report.Made, html: str):
+def test_every_file_behind_the_figures_is_named_with_its_digest(made: Made, html: str):
     origin = made.origins[0]
     found = {row[0]: row[1] for row in rows(html, "origin")}
     assert found["stages/figures.py"] == origin["code"]["stages/figures.py"]
@@ -123,7 +104,7 @@ def test_every_file_behind_the_figures_is_named_with_its_digest(made: report.Mad
 
 
 def test_a_film_is_shown_with_its_poster_and_origin(copied: Path):
-    without = page(report.gathered(params.load()))
+    without = shown(page.gathered(params.load()))
     assert "<video" not in without
     assert 'href="#film"' not in without
     paths.FILMS.mkdir()
@@ -132,7 +113,7 @@ def test_a_film_is_shown_with_its_poster_and_origin(copied: Path):
     origin = {"stage": "film@free", "command": "dvc repro film@free", "digest": "d" * 64}
     told = {"code": {}, "params": {"film": {"run": "cais_surprise/seed-003"}}, "data": {"a.h5": "c" * 64}}
     (paths.FILMS / "free.json").write_text(json.dumps(origin | told))
-    found = Page(page(report.gathered(params.load())))
+    found = Page(shown(page.gathered(params.load())))
     assert "Free mobile: CAIS + Surprise, seed 3" in found.text
     film = {name: value for tag, name, value in found.attributes if tag == "video"}
     assert (film["src"], film["poster"], film["preload"]) == ("film/free.mp4", "film/free.png", "none")
@@ -145,7 +126,7 @@ def test_the_page_is_the_same_bytes_again(copied: Path):
     assert paths.REPORT.read_text() == before
 
 
-def test_without_figures_the_report_says_what_to_do(made: report.Made, tiny: params.Params, tmp_path: Path):
+def test_without_figures_the_report_says_what_to_do(made: Made, tiny: params.Params, tmp_path: Path):
     with pytest.raises(console.StageError, match="run `dvc repro figures`"):
         captions.figures(made.metrics, tmp_path, tiny)
 
@@ -156,21 +137,13 @@ def test_without_claims_the_report_says_what_to_do(copied: Path):
         report.main()
 
 
-def test_what_a_name_holds_is_escaped(made: report.Made):
-    html = page(made, [Constant("a", "<script>", "", "& more")])
+def test_what_a_name_holds_is_escaped(made: Made):
+    html = shown(made, [Constant("a", "<script>", "", "& more")])
     assert "&lt;script&gt;" in html
     assert "&amp; more" in html
 
 
-def rows(html: str, section: str) -> list[list[str]]:
-    """The cells' texts of a section's table rows, heads left out."""
-    part = re.search(f'<section id="{section}">.*?</section>', html, re.DOTALL)
-    assert part
-    found = re.findall(r"<tr>(<td.*?)</tr>", re.sub(r"<svg.*?</svg>|<br>", " ", part[0], flags=re.DOTALL), re.DOTALL)
-    return [[" ".join(Page(cell).text.split()) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)] for row in found]
-
-
-def test_every_claim_stands_on_the_page_with_its_tests(made: report.Made, html: str):
+def test_every_claim_stands_on_the_page_with_its_tests(made: Made, html: str):
     found = rows(html, "claims")
     tests = [test for claim in made.claims["claims"] for test in claim["tests"]]
     assert len(tests) > 40
@@ -182,14 +155,14 @@ def test_every_claim_stands_on_the_page_with_its_tests(made: report.Made, html: 
             for test in claim["tests"] + claim["afterwards"]
         ),
     ]
-    text = " ".join(Page(html).text.split())
+    text = plain(html)
     for claim in made.claims["claims"]:
         assert f"{claim['says']} Paper {claim['section']}, {claim['panel']}" in text
     assert html.index('id="claims"') < html.index('id="results"')
     assert '<a href="#fig3">3 C</a>, <a href="#fig4">4 C</a>' in html
 
 
-def test_a_tests_row_says_effect_interval_region_unit_and_seeds(made: report.Made, html: str):
+def test_a_tests_row_says_effect_interval_region_unit_and_seeds(made: Made, html: str):
     claim = next(claim for claim in made.claims["claims"] if claim["name"].startswith("9"))
     test = next(test for test in claim["tests"] if test["name"] == "free_cais_surprise_p")
     row = next(row for row in reversed(rows(html, "claims")) if row[0] == test["says"])
@@ -197,33 +170,7 @@ def test_a_tests_row_says_effect_interval_region_unit_and_seeds(made: report.Mad
     assert "<title>0.500, 0.625</title>" in html
 
 
-def test_the_effects_of_every_world_are_on_the_page(html: str):
-    sizes = "0.80 0.00 0.25 | 0.05"
-    assert rows(html, "fair") == [
-        ["published", *[sizes] * 4, "3.0", "3.0", "0.14, −0.05"],
-        ["heavy world.mobile_mass 0.3", *[sizes] * 4, "3.0", "3.0", "0.20, 0.00"],
-    ]
-
-
-def test_a_variants_verdicts_reach_the_page(html: str):
-    assert "What decides" in html
-    assert "gain_1" in html
-
-
-def test_variants_stand_beside_the_published_runs(made: report.Made):
-    claim = made.claims["claims"][0]
-    test = claim["tests"][0]
-    other = test | {"effect": -0.25, "interval": [-0.5, 0.25], "verdict": "fails"}
-    own = {"asks": "does it?", "set": {"rewards.gain": 1.0}, "published": {"rewards.gain": 0.3}, "seeds": 5}
-    variants = {
-        "gain_1": own | {"claims": [claim | {"tests": [other], "complete": False}]},
-        "other": own | {"claims": []},
-    }
-    html = page(replace(made, variants=variants, figures=[]))
-    assert "gain_1: does it? rewards.gain 1.0 in place of 0.3" in " ".join(Page(html).text.split())
-    region = "≥ 0.5, SD over steps"
-    published = f"{numbers.number(test['effect'], 3)} {verdicts.interval(test['interval'])} {test['verdict']}"
-    assert rows(html, "decides") == [[f"{test['says']} {region}", published, "−0.250 [−0.500, 0.250] fails", ""]]
-    links = [value for _, name, value in Page(html).attributes if name == "href"]
-    assert "#decides" in links
-    assert "#fig3" not in links  # there is no such figure on this page
+def test_without_a_figure_no_claim_points_to_it(made: Made):
+    links = [value for _, name, value in Page(shown(replace(made, figures=[]))).attributes if name == "href"]
+    assert "#claims" in links
+    assert "#fig3" not in links

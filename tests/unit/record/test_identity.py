@@ -1,6 +1,5 @@
 """Identity: what must change a digest does, and nothing else does."""
 
-import ast
 import math
 import subprocess
 import sys
@@ -10,29 +9,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from mimo import identity
-from mimo.identity import IdentityError
-
-REWARDS = '''
-"""Rewards."""
-REGISTRY = {}
-
-class Reward:
-    name: str
-    def __init_subclass__(cls):
-        REGISTRY[cls.name] = cls
-
-class Mtl(Reward):
-    name = "mtl"
-    gain = 1.0
-
-class Rtl(Mtl):
-    name = "rtl"
-
-class Cais(Reward):
-    name: str = "cais"
-    gain = 2.0
-'''
+from mimo.record import identity
+from mimo.record.identity import IdentityError
 
 
 @pytest.fixture
@@ -40,15 +18,16 @@ def root(tmp_path: Path) -> Path:
     """A small package: experiment -> world -> body (within a function), experiment -> rewards -> outcomes."""
     sources = {
         "__init__": '"""Package."""\n',
-        "experiment": "from mimo import params, rewards\nfrom mimo.world import World\nSTEPS = 2500\n",
+        "experiment": "from mimo import rewards\nfrom mimo.settings import params\nimport mimo.world\nN = 2500\n",
         "world": "import numpy\n\nclass World:\n    def start(self):\n        import mimo.body\n",
         "body": "MASS = 10.9\n",
-        "rewards": "from .outcomes import w1\n" + REWARDS,
+        "rewards": "from .outcomes import w1\n",
         "outcomes": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from mimo.eye import Eye\n",
-        "params": "from mimo.eye import Eye\n",
+        "settings/__init__": "from mimo.eye import Eye\n",
+        "settings/params": "from mimo.eye import Eye\n",
         "eye": "class Eye: ...\n",
     }
-    (tmp_path / "mimo").mkdir()
+    (tmp_path / "mimo/settings").mkdir(parents=True)
     for name, source in sources.items():
         (tmp_path / "mimo" / f"{name}.py").write_text(source)
     return tmp_path
@@ -74,7 +53,8 @@ def test_imports_are_followed(root: Path) -> None:
         ("world", "class World:\n", 'class World:\n    """A world."""\n\n'),
         ("world", "(self):\n", '(self):\n        """Start."""\n'),
         ("outcomes", "import Eye", "import Eye, Nose"),
-        ("params", "import Eye", "import Nose"),
+        ("settings/params", "import Eye", "import Nose"),
+        ("settings/__init__", "import Eye", "import Nose"),
         ("eye", "...", "size = 128"),
     ],
 )
@@ -126,23 +106,10 @@ def test_a_constant_counts_in_its_module_alone(root: Path) -> None:
     assert {name for name in after if after[name] != before[name]} == {"mimo.body"}
 
 
-def test_a_reward_concerns_its_own_runs_alone(root: Path) -> None:
-    def code(*rewards: str) -> dict[str, str]:
-        return identity.code("mimo.experiment", rewards=rewards, root=root)
-
-    names = ("mtl", "rtl", "cais")
-    before = {name: code(name) for name in names}
-    assert before["mtl"] != before["cais"] != code("mtl", "cais")
-    edit(root, "rewards", "gain = 2.0", "gain = 3.0")
-    assert [code(name) == before[name] for name in names] == [True, True, False]
-    edit(root, "rewards", "gain = 1.0", "gain = 4.0")  # RTL inherits it
-    assert [code(name) == before[name] for name in names] == [False, False, False]
-    before = {name: code(name) for name in names}
-    with (root / "mimo/rewards.py").open("a") as file:
-        file.write('\nclass Novelty(Reward):\n    name = "novelty"\n')
-    assert {name: code(name) for name in names} == before
-    with pytest.raises(IdentityError, match="no class named 'joy'; it has cais, mtl, novelty, rtl"):
-        code("joy")
+def test_several_modules_count_with_all_that_each_imports(root: Path) -> None:
+    world, rewards = (identity.code(f"mimo.{name}", root=root) for name in ("world", "rewards"))
+    assert "mimo.body" in world.keys() - rewards.keys()
+    assert identity.code("mimo.rewards", "mimo.world", root=root) == world | rewards
 
 
 def test_relative_imports_and_packages(root: Path) -> None:
@@ -162,23 +129,13 @@ def test_faults_are_named(root: Path) -> None:
         identity.code("mimo.body", root=root)
 
 
-def test_this_package_reaches_rewards_through_the_registry_alone() -> None:
-    """A reward class imported by name elsewhere would decide numbers unseen by the filter."""
-    package = identity.ROOT / "mimo"
-    rewards = ast.parse((package / "rewards.py").read_text())
-    named = {node.name for node in rewards.body if isinstance(node, ast.ClassDef) and identity._reward_name(node)}
-    for path in package.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            spoken = (
-                node.attr if isinstance(node, ast.Attribute) else node.name if isinstance(node, ast.alias) else None
-            )
-            assert spoken not in named, f"{path} speaks of {spoken}"
-
-
 def test_the_same_in_another_process() -> None:
-    script = "from mimo import identity; print(identity.Digest(identity.code('mimo.streams') | identity.versions()))"
+    script = """
+from mimo.record import identity
+print(identity.Digest(identity.code("mimo.record.streams") | identity.versions()))
+"""
     run = subprocess.run([sys.executable, "-c", script], cwd=identity.ROOT, capture_output=True, check=True, text=True)
-    assert run.stdout.strip() == identity.Digest(identity.code("mimo.streams") | identity.versions())
+    assert run.stdout.strip() == identity.Digest(identity.code("mimo.record.streams") | identity.versions())
 
 
 def test_canonical_is_one_spelling() -> None:

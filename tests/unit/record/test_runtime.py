@@ -10,7 +10,7 @@ import pytest
 
 from mimo.record import runtime
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TRITON = ROOT / ".venv/triton"  # `make .venv/triton`
 SCREEN = ("MUJOCO_GL", "LP_NUM_THREADS", "DISPLAY", "WAYLAND_DISPLAY")
 DRAW = """

@@ -9,12 +9,11 @@ import pytest
 
 from mimo.record import artifact
 from mimo.record.artifact import Dataset
-from mimo.settings import params
 from stages import claims
 from stages.base import paths, store
-from stages.sweep.results import curves_of, phases_of
+from stages.sweep.curves import curves_of, judged, phases_of
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 ABOUT: dict[str, str | int | float] = {
     "baseline_steps": 40,
     "attached_steps": 80,
@@ -68,15 +67,15 @@ def test_a_variants_curves_are_its_own(tmp_path: Path) -> None:
     )
     assert set(curves_of(held, "gain_1/")) == {("free", "mtl")}
     assert set(curves_of(held, "gain_10/")) == {("free", "cais")}
-    names = {test["name"] for claim in claims.judged(held, "gain_1/") for test in claim["tests"]}
+    names = {test["name"] for claim in judged(held, "gain_1/") for test in claim["tests"]}
     assert names == {"mtl_rises", "mtl_returns", "free_mtl_p", "free_mtl_q"}
+    assert judged(held, "gain/") == []
 
 
 def test_claims_json_says_of_what_it_is_and_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "params.yaml").write_text((ROOT / "params.yaml").read_text())
     monkeypatch.chdir(tmp_path)
     held = write(paths.RESULTS, store.RESULTS, {"free/mtl": cell(0.2), "free/cais_surprise": cell(0.0)})
-    write(paths.VARIANT_RESULTS, store.VARIANTS, {"heavy/noisy/mtl": cell(0.2)})
     claims.main()
     text = paths.CLAIMS.read_text()
     found = json.loads(text)
@@ -89,12 +88,6 @@ def test_claims_json_says_of_what_it_is_and_rounds(tmp_path: Path, monkeypatch: 
     assert test["seeds"] == [0.2, 0.21, 0.22]
     assert (test["effect"], test["n"], test["verdict"], test["region"]) == (0.21, 3, "holds", [0.05, None])
     assert by_name["9 CAIS + Surprise learns"]["verdict"] == "fails"
-    variants = json.loads(paths.VARIANT_CLAIMS.read_text())["variants"]
-    assert set(variants) == set(params.load().sweeps.variants)
-    assert variants["heavy"]["set"] == {"world.mobile_mass": 0.3}
-    assert variants["heavy"]["published"] == {"world.mobile_mass": 0.03}
-    assert [claim["name"] for claim in variants["heavy"]["claims"]] == ["4 perceptual rewards fail, noisy"]
-    assert variants["taken"]["claims"] == []
     claims.main()
     assert paths.CLAIMS.read_text() == text
     assert headlines() == {
@@ -113,7 +106,6 @@ def test_an_effect_that_is_no_number_is_null_and_undecided(tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     flat = {name: np.zeros_like(values) for name, values in cell(0.0).items()}
     write(paths.RESULTS, store.RESULTS, {"free/mtl": flat})
-    write(paths.VARIANT_RESULTS, store.VARIANTS, {"heavy/noisy/mtl": flat})
     with np.errstate(invalid="ignore"):
         claims.main()
     found = json.loads(paths.CLAIMS.read_text())["claims"][0]["tests"]

@@ -19,7 +19,7 @@ from stages.sweep import crew, sweep
 from stages.sweep.schedule import Chunk, Run
 from stages.sweep.sweep import Grid, Job
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +48,7 @@ def test_a_runs_digest_is_that_of_its_own_inputs(job: Job, tiny: Params, scales:
     made = sweep.runs_of(job, "e" * 64, "", "free", "cais", (3, 0, 11))
     assert [run.seed for run in made] == [3, 0, 11]
     for run in made:
-        inputs = experiment.inputs(tiny, "free", "cais", run.seed, "e" * 64, scales)
+        inputs = experiment.inputs(tiny, "free", "cais", "e" * 64, scales) | {"seed": run.seed}
         assert run.digest == identity.Digest(inputs)
         assert isinstance(run.digest, identity.Digest)
         assert run.digest.inputs == inputs

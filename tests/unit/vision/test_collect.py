@@ -1,17 +1,14 @@
-"""Frames under the resting policy, and the rewards' scales measured under it."""
+"""Frames under the resting policy."""
 
 import math
 
 import numpy as np
 import pytest
-import torch
 
-from mimo.learning import calibrate, rewards
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision import collect
-from mimo.vision.encoder import Extractor, Trained
-from mimo.world import body, scene
+from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 
@@ -83,63 +80,11 @@ def test_pairs_are_pair_updates_apart_at_the_end_of_a_step(regime: int, tiny: Pa
         for step in range(5):
             moved = draw.random(12) < 1 / (1 + math.exp(0.2 / 0.3))
             positive = draw.random(12) < 0.5
-            control = worlds.control(worlds.torque(moved[None], positive[None]))
-            assert control.shape[1] == 120
-            for update in range(120):
-                if update == 120 - 8:
-                    assert worlds.centre_of_mass[0].tobytes() == centres[step, 0].tobytes()
-                    assert (eye.frames(worlds.qpos)[0] == frames[step, 0]).all()
-                worlds.advance(control[:, update : update + 1], attached)
-            assert worlds.centre_of_mass[0].tobytes() == centres[step, 1].tobytes()
-            assert (eye.frames(worlds.qpos)[0] == frames[step, 1]).all()
-
-
-# The scales of the rewards.
-
-
-@pytest.fixture(scope="module")
-def measured(tiny: Params, trained: Trained) -> dict[str, float]:
-    return calibrate.scales(tiny, trained)
-
-
-def test_every_reward_has_a_scale(measured: dict[str, float]) -> None:
-    assert set(measured) == set(rewards.REWARDS)
-    assert all(type(scale) is float and 0 < scale < math.inf for scale in measured.values())
-
-
-def test_scales_are_the_same_again(measured: dict[str, float], tiny: Params, trained: Trained) -> None:
-    told: list[int] = []
-    assert calibrate.scales(tiny, trained, told.append) == measured
-    assert told == [2, 4, 6, 8, 10, 12]
-
-
-def test_scales_are_standard_deviations_over_the_second_half(
-    measured: dict[str, float], tiny: Params, trained: Trained
-) -> None:
-    """MTL and RTL by a loop over worlds, one at a time: free, the rope on."""
-    built = scene.build(tiny.world, tiny.protocol)
-    extract = Extractor(tiny.encoder, trained)
-    lengths: list[tuple[float, float]] = []
-    with Eye(built) as eye:
-        for world in range(2):
-            draw = streams.generator(tiny.seed, "free", world, "calibrate")
-            worlds = Worlds(built, tiny.protocol, 0.0, [np.random.default_rng()])
-            latent = extract(eye.frames(worlds.qpos))
-            for step in range(6):
-                moved = draw.random(len(body.ACTUATED)) < 1 / (1 + math.exp(0.2 / 0.3))
-                positive = draw.random(len(body.ACTUATED)) < 0.5
-                path = worlds.step(worlds.torque(moved[None], positive[None]), attached=True).path_length[0]
-                before, latent = latent, extract(eye.frames(worlds.qpos))
-                if step >= 3:
-                    lengths.append((float(path), float(torch.linalg.norm(latent - before))))
-    mtl, rtl = np.std(lengths, axis=0)
-    assert measured["mtl"] == pytest.approx(mtl, rel=1e-5)
-    assert measured["rtl"] == pytest.approx(rtl, rel=1e-5)
-
-
-def test_a_reward_that_does_not_vary_has_no_scale(
-    tiny: Params, trained: Trained, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(rewards.RTL, "__call__", lambda self, t: torch.ones(t.action.shape))
-    with pytest.raises(FloatingPointError, match="reward rtl does not vary"):
-        calibrate.scales(tiny, trained)
+            made = 0
+            for _ in worlds.pieces(moved[None], positive[None], attached, range(1, 120)):
+                made += 1
+                if made in (120 - 8, 120):
+                    frame = made // 120
+                    assert worlds.centre_of_mass[0].tobytes() == centres[step, frame].tobytes()
+                    assert (eye.frames(worlds.qpos)[0] == frames[step, frame]).all()
+            assert made == 120

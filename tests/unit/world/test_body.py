@@ -112,8 +112,7 @@ def test_every_torque_moves_its_joint(built: scene.Scene, positive: bool) -> Non
     """One world a joint, 200 ms of full torque in one direction; joints that lie at a stop move the other way only."""
     worlds = Worlds(built, params.load().protocol, 0.0, [np.random.default_rng(0)] * 12)
     before = worlds.proprioception()
-    torque = worlds.torque(np.eye(12, dtype=bool), np.full((12, 12), positive))
-    worlds.advance(worlds.control(torque)[:, :40], attached=False)
+    next(worlds.pieces(np.eye(12, dtype=bool), np.full((12, 12), positive), attached=False, cuts=[40]))
     turned = np.degrees(worlds.proprioception() - before)
     for world, name in enumerate(body.ACTUATED):
         own = turned[world, body.JOINTS.index(name)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from mimo.settings.params import ParamsError
+from mimo.settings.files import ParamsError
 from mimo.world.env import MIMoMobileEnv
 
 SHORT: dict[str, Any] = {"baseline_steps": 2, "attached_steps": 3, "extinction_steps": 2}

@@ -17,7 +17,7 @@ from mimo.world.physics import Worlds
 P = params.load()
 SCRIPT = """
 import hashlib
-from tests.unit.test_eye import frames
+from tests.unit.world.test_eye import frames
 print(hashlib.sha256(frames().tobytes()).hexdigest())
 """
 
@@ -28,7 +28,7 @@ def frames() -> np.ndarray:
     pictures = []
     with Eye(built) as eye:
         for step in range(5):
-            w.step(w.torque(np.ones((2, 12), bool), np.full((2, 12), step % 2 == 0)), attached=True)
+            w.step(np.ones((2, 12), bool), np.full((2, 12), step % 2 == 0), attached=True)
             pictures.append(eye.frames(w.qpos))
     return np.stack(pictures)
 
@@ -72,7 +72,7 @@ def test_nothing_the_eye_could_see_is_left_out(limb: str) -> None:
     with runtime.renderer(model, SIZE, SIZE) as renderer:
         renderer.enable_segmentation_rendering()
         for _ in range(60):
-            w.step(w.torque(rng.random((4, 12)) < 0.5, rng.random((4, 12)) < 0.5), attached=True)
+            w.step(rng.random((4, 12)) < 0.5, rng.random((4, 12)) < 0.5, attached=True)
             for qpos in w.qpos:
                 data.qpos[:] = qpos
                 mujoco.mj_forward(model, data)

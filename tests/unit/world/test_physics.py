@@ -20,15 +20,16 @@ def worlds(built: scene.Scene, force: float, *seeds: int) -> Worlds:
     return Worlds(built, P.protocol, force, [np.random.default_rng(seed) for seed in seeds])
 
 
-def kick(w: Worlds, *joints: str) -> np.ndarray:
-    action = np.isin(body.ACTUATED, joints) & np.ones((w.size, 1), bool)
-    return w.torque(action, np.ones((w.size, 12), bool))
+def kick(w: Worlds, *joints: str) -> tuple[np.ndarray, np.ndarray]:
+    """Which joints move in every world, all in the positive direction."""
+    moved = np.isin(body.ACTUATED, joints) & np.ones((w.size, 1), bool)
+    return moved, np.ones((w.size, 12), bool)
 
 
 def test_the_mobile_hangs_still_when_nothing_pulls(built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0)
     for _ in range(3):
-        outcome = w.step(kick(w, *body.ACTUATED), attached=False)
+        outcome = w.step(*kick(w, *body.ACTUATED), attached=False)
     assert outcome.path_length[0] < 1e-9
 
 
@@ -36,48 +37,50 @@ def test_the_mobile_hangs_still_when_nothing_pulls(built: scene.Scene) -> None:
 def test_the_rope_of_each_limb_moves_the_mobile(limb: str) -> None:
     built = scene.build(P.world, P.protocol.model_copy(update={"limb": limb}))
     w = worlds(built, 0.0, 0)
-    own = w.step(kick(w, *body.LIMB_JOINTS[limb]), attached=True)
+    own = w.step(*kick(w, *body.LIMB_JOINTS[limb]), attached=True)
     assert own.path_length[0] > 0.005
     others = [joint for joint in body.ACTUATED if joint.split("_")[1].startswith("sho") != limb.endswith("hand")]
     w = worlds(built, 0.0, 0)
-    assert w.step(kick(w, *others), attached=True).path_length[0] < own.path_length[0] / 5
+    assert w.step(*kick(w, *others), attached=True).path_length[0] < own.path_length[0] / 5
 
 
 def test_attaching_alone_moves_nothing(built: scene.Scene) -> None:
     """The rope is taut at rest, without tension."""
     w = worlds(built, 0.0, 0)
-    rest = np.zeros((1, 12))
-    assert w.step(rest, attached=True).path_length[0] < 1e-4
+    assert w.step(*kick(w), attached=True).path_length[0] < 1e-4
 
 
 def test_detaching_lets_the_mobile_return(built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0)
     start = w.centre_of_mass
-    pulled = w.step(kick(w, "left_hip2", "left_knee"), attached=True).centre_of_mass
+    pulled = w.step(*kick(w, "left_hip2", "left_knee"), attached=True).centre_of_mass
     for _ in range(5):
-        back = w.step(np.zeros((1, 12)), attached=False).centre_of_mass
+        back = w.step(*kick(w), attached=False).centre_of_mass
     assert np.linalg.norm(back - start) < 0.2 * np.linalg.norm(pulled - start)
 
 
 def test_noise_is_40_newton_in_a_fresh_direction_at_every_update(built: scene.Scene) -> None:
     w = worlds(built, 40.0, 5)
-    control = w.control(np.zeros((1, 12)))
+    control = w._control(*kick(w))
     forces = control[0, :, 12:].reshape(120, -1, 6)[:, built.mobile, :3]
     assert np.linalg.norm(forces, axis=1) == pytest.approx(np.full(120, 40.0))
     others = np.delete(control[0, :, 12:].reshape(120, -1, 6), built.mobile, axis=1)
     assert not others.any()
     direction = forces / 40
     assert np.abs((direction[1:] * direction[:-1]).sum(axis=1).mean()) < 0.2
-    many = np.concatenate([w.control(np.zeros((1, 12)))[0, :, 12:].reshape(120, -1, 6)[:, built.mobile, :3] / 40
+    many = np.concatenate([w._control(*kick(w))[0, :, 12:].reshape(120, -1, 6)[:, built.mobile, :3] / 40
                            for _ in range(50)])  # fmt: skip
     assert np.abs(many.mean(axis=0)).max() < 0.03
     assert np.square(many).mean(axis=0) == pytest.approx(np.full(3, 1 / 3), abs=0.03)
 
 
-def test_torque_acts_for_40_updates_then_rests(built: scene.Scene) -> None:
+@pytest.mark.parametrize(("positive", "torque"), [(True, 10.0), (False, -6.5)])
+def test_full_torque_acts_for_40_updates_then_rests(positive: bool, torque: float, built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0)
-    control = w.control(kick(w, "left_knee"))[0]
-    assert (control[:40, body.ACTUATED.index("left_knee")] == 10.0).all()
+    moved, _ = kick(w, "left_knee")
+    control = w._control(moved, np.full((1, 12), positive))[0]
+    assert (control[:40, moved[0]] == torque).all()
+    assert not control[:, ~moved[0]].any()
     assert not control[40:].any()
     assert control.shape == (120, 12)
 
@@ -85,7 +88,7 @@ def test_torque_acts_for_40_updates_then_rests(built: scene.Scene) -> None:
 def test_path_length_and_centre_against_a_plain_loop(built: scene.Scene) -> None:
     """The same agent step by mj_step, one update at a time."""
     w = worlds(built, 40.0, 2)
-    control = w.control(kick(w, "left_hip1", "left_knee"))
+    control = w._control(*kick(w, "left_hip1", "left_knee"))
     model = built.model
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -102,26 +105,35 @@ def test_path_length_and_centre_against_a_plain_loop(built: scene.Scene) -> None
             last = data.subtree_com[built.mobile].copy()
     finally:
         model.tendon_stiffness[:] = stiffness
-    outcome = w.advance(control, attached=True)
+    outcome = w._advance(control, attached=True)
     assert outcome.path_length[0] == pytest.approx(length, rel=1e-12)
     assert outcome.centre_of_mass[0] == pytest.approx(last, abs=1e-12)
     assert w.qpos[0] == pytest.approx(data.qpos, abs=1e-12)
 
 
-def test_split_advances_are_one_advance(built: scene.Scene) -> None:
+def test_the_pieces_of_a_step_are_the_step(built: scene.Scene) -> None:
+    """Cut within the torque and after it; each piece says where the worlds are when it ends."""
     one, two = worlds(built, 40.0, 1), worlds(built, 40.0, 1)
-    whole = one.step(kick(one, "left_knee"), attached=True)
-    parts = [two.advance(part, attached=True) for part in np.split(two.control(kick(two, "left_knee")), [112], axis=1)]
-    assert (one.qpos == two.qpos).all()
-    assert sum(part.path_length[0] for part in parts) == pytest.approx(whole.path_length[0], rel=1e-12)
+    for _ in range(2):
+        whole = one.step(*kick(one, "left_knee"), attached=True)
+        parts, between = [], []
+        for part in two.pieces(*kick(two, "left_knee"), attached=True, cuts=[7, 112]):
+            assert part.centre_of_mass.tobytes() == two.centre_of_mass.tobytes()
+            assert part.proprioception.tobytes() == two.proprioception().tobytes()
+            parts.append(part)
+            between.append(two.qpos.tobytes())
+        assert len(set(between)) == 3
+        assert between[-1] == one.qpos.tobytes()
+        assert parts[-1].centre_of_mass.tobytes() == whole.centre_of_mass.tobytes()
+        assert sum(part.path_length[0] for part in parts) == pytest.approx(whole.path_length[0], rel=1e-12)
 
 
 def test_a_world_is_the_same_bytes_in_any_company(built: scene.Scene) -> None:
     many, alone = worlds(built, 40.0, 0, 1, 2, 3), worlds(built, 40.0, 2)
     for step in range(6):
         joints = [name for i, name in enumerate(body.ACTUATED) if (i + step) % 3 == 0]
-        together = many.step(kick(many, *joints), attached=step > 2)
-        apart = alone.step(kick(alone, *joints), attached=step > 2)
+        together = many.step(*kick(many, *joints), attached=step > 2)
+        apart = alone.step(*kick(alone, *joints), attached=step > 2)
         assert together.proprioception[2].tobytes() == apart.proprioception[0].tobytes()
         assert together.path_length[2] == apart.path_length[0]
         assert together.centre_of_mass[2].tobytes() == apart.centre_of_mass[0].tobytes()
@@ -129,15 +141,14 @@ def test_a_world_is_the_same_bytes_in_any_company(built: scene.Scene) -> None:
 
 def test_a_diverging_world_raises_with_its_number(built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0, 1, 2)
-    control = w.control(np.zeros((3, 12)))
     w._batch.bind("qvel")[1, 3] = 1e12
     with pytest.raises(DivergedError, match="world 1 of 3"):
-        w.advance(control, attached=False)
+        w.step(*kick(w), attached=False)
 
 
 def test_proprioception_is_47_angles_with_the_fixed_ones_zero(built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0)
-    angles = w.step(kick(w, "left_knee"), attached=False).proprioception
+    angles = w.step(*kick(w, "left_knee"), attached=False).proprioception
     assert angles.shape == (1, 47)
     assert not angles[:, : body.FIXED].any()
     data = w._batch.get_data(0)

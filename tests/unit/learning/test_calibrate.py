@@ -1,0 +1,63 @@
+"""The rewards' scales, measured under the resting policy."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from mimo.learning import calibrate, rewards
+from mimo.record import streams
+from mimo.settings.params import Params
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import body, scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
+
+
+@pytest.fixture(scope="module")
+def measured(tiny: Params, trained: Trained) -> dict[str, float]:
+    return calibrate.scales(tiny, trained)
+
+
+def test_every_reward_has_a_scale(measured: dict[str, float]) -> None:
+    assert set(measured) == set(rewards.REWARDS)
+    assert all(type(scale) is float and 0 < scale < math.inf for scale in measured.values())
+
+
+def test_scales_are_the_same_again(measured: dict[str, float], tiny: Params, trained: Trained) -> None:
+    told: list[int] = []
+    assert calibrate.scales(tiny, trained, told.append) == measured
+    assert told == [2, 4, 6, 8, 10, 12]
+
+
+def test_scales_are_standard_deviations_over_the_second_half(
+    measured: dict[str, float], tiny: Params, trained: Trained
+) -> None:
+    """MTL and RTL by a loop over worlds, one at a time: free, the rope on."""
+    built = scene.build(tiny.world, tiny.protocol)
+    extract = Extractor(tiny.encoder, trained)
+    lengths: list[tuple[float, float]] = []
+    with Eye(built) as eye:
+        for world in range(2):
+            draw = streams.generator(tiny.seed, "free", world, "calibrate")
+            worlds = Worlds(built, tiny.protocol, 0.0, [np.random.default_rng()])
+            latent = extract(eye.frames(worlds.qpos))
+            for step in range(6):
+                moved = draw.random(len(body.ACTUATED)) < 1 / (1 + math.exp(0.2 / 0.3))
+                positive = draw.random(len(body.ACTUATED)) < 0.5
+                path = worlds.step(moved[None], positive[None], attached=True).path_length[0]
+                before, latent = latent, extract(eye.frames(worlds.qpos))
+                if step >= 3:
+                    lengths.append((float(path), float(torch.linalg.norm(latent - before))))
+    mtl, rtl = np.std(lengths, axis=0)
+    assert measured["mtl"] == pytest.approx(mtl, rel=1e-5)
+    assert measured["rtl"] == pytest.approx(rtl, rel=1e-5)
+
+
+def test_a_reward_that_does_not_vary_has_no_scale(
+    tiny: Params, trained: Trained, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rewards.REWARDS["rtl"], "__call__", lambda self, t: torch.ones(t.action.shape))
+    with pytest.raises(FloatingPointError, match="reward rtl does not vary"):
+        calibrate.scales(tiny, trained)

@@ -1,0 +1,111 @@
+"""From actions to a transition, against a loop by hand; and outcome models that have learned nothing."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from mimo.learning.experience import Experience, initial_quantiles, untaught
+from mimo.learning.outcomes import Outcomes
+from mimo.learning.rewards import Transition
+from mimo.record import streams
+from mimo.settings.params import Params
+from mimo.vision.encoder import Extractor, Trained
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
+from tests.unit.learning.recorded import Runs
+
+SEEDS, STEPS = (0, 3), 4
+
+
+def generators(p: Params, purpose: str) -> list[np.random.Generator]:
+    return [streams.generator(p.seed, "noisy", seed, purpose) for seed in SEEDS]
+
+
+def actions() -> Iterator[tuple[np.ndarray, np.ndarray, bool]]:
+    """Which joints move, the directions, and whether the rope is on."""
+    draw = np.random.default_rng(1)
+    for step in range(STEPS):
+        yield draw.random((2, 12)) < 0.4, draw.random((2, 12)) < 0.5, step > 1
+
+
+@pytest.fixture(scope="module")
+def built(tiny: Params) -> scene.Scene:
+    return scene.build(tiny.world, tiny.protocol)
+
+
+@pytest.fixture(scope="module")
+def eye(built: scene.Scene) -> Iterator[Eye]:
+    with Eye(built) as made:
+        yield made
+
+
+def new_worlds(p: Params, built: scene.Scene) -> Worlds:
+    return Worlds(built, p.protocol, 40.0, generators(p, "noise"))
+
+
+def same(one: Tensor | None, other: Tensor | None) -> bool:
+    assert one is not None
+    assert other is not None
+    return one.dtype == other.dtype and one.shape == other.shape and one.numpy().tobytes() == other.numpy().tobytes()
+
+
+def test_a_transition_is_what_a_loop_by_hand_gives(
+    tiny: Params, trained: Trained, built: scene.Scene, eye: Eye
+) -> None:
+    """Bitwise; what is expected of an action, and its influence, are from before the models learned of its outcome."""
+    extract = Extractor(tiny.encoder, trained)
+    experience = Experience(new_worlds(tiny, built), eye, extract, untaught(tiny, trained, generators(tiny, "memory")))
+    worlds = new_worlds(tiny, built)
+    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained), generators(tiny, "memory"))
+    latent = extract(eye.frames(worlds.qpos))
+    assert same(experience.perception.latent, latent)
+    for moved, positive, attached in actions():
+        outcome, found = experience.step(moved, positive, attached)
+        seen = worlds.step(moved, positive, attached)
+        action = torch.from_numpy(moved)
+        before, latent = latent, extract(eye.frames(worlds.qpos))
+        influence, expectation = outcomes.influence(), outcomes.expectation(action)
+        outcomes.update(action, latent)
+        assert outcome.proprioception.tobytes() == seen.proprioception.tobytes()
+        assert outcome.path_length.tobytes() == seen.path_length.tobytes()
+        assert outcome.centre_of_mass.tobytes() == seen.centre_of_mass.tobytes()
+        assert same(found.path_length, torch.tensor(seen.path_length, dtype=torch.float32))
+        assert same(found.action, action)
+        assert same(found.latent_before, before)
+        assert same(found.latent, latent)
+        assert same(experience.perception.latent, latent)
+        assert same(found.influence, influence)
+        assert same(found.expectation, expectation)
+        assert not same(found.influence, outcomes.influence())  # it would show, had the models learned first
+        assert not same(found.expectation, outcomes.expectation(action))
+        assert not same(latent[0], latent[1])
+        assert not same(before, latent)
+
+
+def test_without_outcome_models_the_transition_is_the_same_but_for_them(
+    tiny: Params, trained: Trained, built: scene.Scene, eye: Eye
+) -> None:
+    extract = Extractor(tiny.encoder, trained)
+    outcomes = untaught(tiny, trained, generators(tiny, "memory"))
+    bare, whole = (Experience(new_worlds(tiny, built), eye, extract, models) for models in (None, outcomes))
+    for moved, positive, attached in actions():
+        found: Transition = bare.step(moved, positive, attached)[1]
+        other = whole.step(moved, positive, attached)[1]
+        assert found.influence is found.expectation is None
+        for name in ("path_length", "latent_before", "latent", "action"):
+            assert same(getattr(found, name), getattr(other, name))
+
+
+def test_outcome_models_start_at_the_quantiles_of_h(tiny: Params, trained: Trained, runs: Runs) -> None:
+    start = initial_quantiles(tiny, trained)
+    assert start.shape == (64, 49)
+    assert start.dtype == torch.float32
+    # 0.02, 0.04, ...: every second of the kept 0.01, 0.02, ...
+    assert start.numpy() == pytest.approx(trained.quantiles[:, 1::2], abs=1e-6)
+    assert same(untaught(tiny, trained, generators(tiny, "memory")).marginal, start.expand(2, -1, -1))
+    for record in runs("noisy", "cais", 0, 1):
+        assert not record["influence"][0].any()  # all tables alike

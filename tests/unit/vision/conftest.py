@@ -1,0 +1,36 @@
+"""A few frames, and an encoder that has learned from them; torch on one thread, from one seed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+
+from mimo.settings import params
+from mimo.vision.encoder import Trained, train
+
+
+@pytest.fixture(autouse=True)
+def _as_it_was() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="session")
+def few(pairs: np.ndarray) -> np.ndarray:
+    """Six pairs, of all regimes."""
+    return np.ascontiguousarray(pairs[4::7])
+
+
+@pytest.fixture(scope="session")
+def brief(tiny: params.Params) -> params.Encoder:
+    """All of `few` in every batch, so that losses can be compared."""
+    return tiny.encoder.model_copy(update={"pairs": 6, "iterations": 6, "learning_rate": 0.003})
+
+
+@pytest.fixture(scope="session")
+def learned(brief: params.Encoder, few: np.ndarray) -> Trained:
+    return train(brief, few, np.random.default_rng(3))

@@ -128,7 +128,15 @@ def test_an_unknown_part_is_named_in_a_sentence(name: str, part: str) -> None:
         rewards.modules(name)
 
 
-@pytest.mark.parametrize(("name", "fault"), [("mtl", "MTL has it already"), ("mtl_twice", "'_' joins")])
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("mtl", "MTL has it already"),
+        ("mtl_twice", "'_' joins"),
+        ("gain", "means something else"),
+        ("copy", "means something else"),
+    ],
+)
 def test_a_name_that_cannot_be_used_is_refused(name: str, fault: str) -> None:
     known = list(REWARDS)
     with pytest.raises(ValueError, match=fault):

@@ -1,4 +1,4 @@
-# make paper | studies | verify | publish | share | fetch | preview | test | check | format | bench | scaling. `make` alone lists them.
+# make paper | studies | verify | publish | share | fetch | preview | test | same-bytes | check | format | bench | scaling. `make` alone lists them.
 
 # The interpreter for .venv: the first of these that is Python 3.11 to 3.13, unless PYTHON names another.
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
@@ -10,7 +10,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper studies verify publish share fetch preview test check format bench scaling .venv
+.PHONY: help paper studies verify publish share fetch preview test same-bytes check format bench scaling .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -44,6 +44,10 @@ preview: $(STAMP) ## Both pipelines at a small scale, in .work/preview
 test: $(STAMP) ## The whole test suite
 	@python -m stages.commands.gl --install
 	python -m pytest -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadfile --no-loadscope-reorder
+
+same-bytes: $(STAMP) ## Compute under QEMU as other processors, and compare: a quarter of an hour
+	@command -v qemu-x86_64-static qemu-x86_64 >/dev/null || { echo "Install qemu-user-static (Debian)."; exit 1; }
+	MIMO_SAME_BYTES=1 python -m pytest -q tests/pipeline/test_other_processors.py
 
 check: $(STAMP) ## Format, lint, floors, types
 	ruff format --check .

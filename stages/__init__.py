@@ -2,6 +2,8 @@
 
 import os
 
+import mimo  # noqa: F401  # first: it decides which kernels compute, before Ray loads numpy
+
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 if not os.environ.get("RAY_ADDRESS"):
     # A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.

@@ -42,9 +42,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 LONGEST = (  # these begin first, so that none is left alone at the end
-    "test_sections.py", "test_interruptions.py", "test_sharing.py", "test_published.py", "test_cluster.py",
-    "test_guide.py", "test_same_bytes.py", "test_repro.py", "test_experiment.py", "test_figures_stage.py",
-    "test_bad_input.py", "test_dependencies.py", "test_effects.py", "test_training.py", "test_complaints.py",
+    "test_sections.py", "test_other_processors.py", "test_interruptions.py", "test_sharing.py",
+    "test_published.py", "test_cluster.py", "test_guide.py", "test_same_bytes.py", "test_repro.py",
+    "test_experiment.py", "test_figures_stage.py", "test_bad_input.py", "test_dependencies.py", "test_effects.py",
+    "test_training.py", "test_complaints.py",
 )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from torch import Tensor
 from mimo.learning import rewards
 from mimo.learning.agent import JOINTS, MOVE, Agents
 from mimo.learning.experience import Experience, untaught
+from mimo.learning.rewards.reward import length
 from mimo.record import identity, streams
 from mimo.record.artifact import Dataset
 from mimo.settings.errors import Fault
@@ -181,7 +182,7 @@ class Experiment:
             "positive": positive,
             "centre_of_mass": outcome.centre_of_mass,
             "path_length": outcome.path_length,
-            "latent_length": (transition.latent - transition.latent_before).square().sum(-1).sqrt(),
+            "latent_length": length(transition.latent - transition.latent_before),
             "q": values,
             "move_probability": probability,
             "reward": reward,

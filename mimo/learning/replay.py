@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from mimo.learning.experience import Perception
+from mimo.learning.rewards.reward import length
 from mimo.record import streams
 from mimo.record.artifact import Artifact, Dataset
 from mimo.settings.params import Params
@@ -74,7 +75,7 @@ def replay(
         seen = perception.transition(moved, path_length, eye.frames(worlds.qpos))
         found["centre_of_mass"].append(outcome.centre_of_mass[0])
         found["path_length"].append(path_length[0])
-        found["latent_length"].append((seen.latent - seen.latent_before).square().sum(-1).sqrt().numpy()[0])
+        found["latent_length"].append(length(seen.latent - seen.latent_before).numpy()[0])
         progress(step + 1)
     record = {
         name: Dataset(np.array(values, np.float32), run.datasets[name].units, run.datasets[name].axes)

@@ -1,14 +1,20 @@
-"""What a process loads, in what order, and by what it draws: decided here for all that import mimo.
+"""What a process loads, in what order, what it draws by and which kernels compute: decided here for all of mimo.
 
-`prepare`, which `import mimo` calls, sets what MuJoCo and Mesa read when they are loaded; `renderer` is the one way to
-a GL context.
+`prepare`, which `import mimo` calls, sets what libraries read as they are loaded; `renderer` is the one way to a GL
+context; `check` refuses to compute where the settings came too late.
 """
 
+import functools
+import hashlib
 import importlib
+import importlib.metadata
 import os
+import platform
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from mimo.settings.errors import Fault
 
@@ -23,10 +29,27 @@ ENVIRONMENT = {
     # ever, and a worker has one CPU: 8 % less CPU time a frame, the same bytes.
     "LP_NUM_THREADS": "0",
 }
+# Kernels that every x86-64 processor with AVX2 and FMA has, whatever else it has and whoever made it. Libraries would
+# choose by vendor and instructions, and then last bits differ. These go over what the user has set, which would decide
+# bytes. Nothing is set for sums, norms, pooling, fused AdamW, random numbers and llvmpipe, as nothing differed there.
+KERNELS = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4,AVX512_ICL,AVX512_SPR",  # numpy's exp, log, power, arctan2
+    "OPENBLAS_CORETYPE": "Haswell",  # numpy's matrix products, least squares, eigenvalues
+    "ATEN_CPU_CAPABILITY": "avx2",  # torch's own loops
+    "ONEDNN_MAX_CPU_ISA": "AVX2",  # torch's convolutions and GELU
+    "MKL_CBWR": "COMPATIBLE",  # torch's matrix products, exp, erf, log, tanh
+}
+INSTRUCTIONS = ("avx2", "fma")
+# What `_computed` gives under KERNELS with these releases of numpy and torch.
+FINGERPRINTS = {("2.4.6", "2.13.0"): "6e41dfd488a56005"}
 # Libraries that bring an LLVM of their own. Loaded after Mesa has loaded its own, they end the process with a
 # segmentation fault; before, all is well. torch's CUDA build brings triton, and loads it with its first optimiser.
 BEFORE_GL = ("triton",)
 PACKAGES = ("libegl1", "libgl1-mesa-dri")  # Debian's: EGL itself, and Mesa's drivers behind it
+
+
+class KernelError(Fault, RuntimeError):
+    """This process would compute other bytes than the others; the message says why."""
 
 
 class RenderError(Fault, RuntimeError):
@@ -34,11 +57,80 @@ class RenderError(Fault, RuntimeError):
 
 
 def prepare() -> None:
-    """Set ENVIRONMENT where it is not set (Linux; elsewhere MuJoCo's own choice is right)."""
+    """Set ENVIRONMENT where it is not set (Linux; elsewhere MuJoCo's own choice is right), and KERNELS in any case."""
+    os.environ.update(KERNELS)
     if sys.platform == "linux":
         for name, value in ENVIRONMENT.items():
             if not os.environ.get(name):
                 os.environ[name] = value
+
+
+LATE = [name for name in ("numpy", "torch") if name in sys.modules]  # loaded before KERNELS were set
+
+
+@functools.cache
+def check() -> None:
+    """Make sure that this process computes as all others do; for all that makes an artifact. Takes 20 ms, once.
+
+    Seen by its effect, with the releases of FINGERPRINTS; with others, by whether libraries were loaded too early. On
+    other architectures nothing is promised, and nothing is checked.
+
+    Raises:
+        KernelError: it does not.
+    """
+    if platform.machine() != "x86_64":
+        return
+    if lacking := _lacking():
+        raise KernelError(f"This processor lacks {' and '.join(lacking)}, without which results are other bytes.")
+    expected = FINGERPRINTS.get((_release("numpy"), _release("torch")))
+    if LATE if expected is None else _computed() != expected:
+        early = " and ".join(LATE) or "a library"
+        settings = " ".join(f"{name}={value}" for name, value in KERNELS.items())
+        raise KernelError(
+            f"Results would be other bytes here: {early} came before mimo, which chooses the kernels that compute. "
+            f"Import mimo first, or set {settings}."
+        )
+
+
+def _lacking() -> list[str]:
+    info = Path("/proc/cpuinfo")
+    if not info.exists():
+        return []
+    flags = next((line for line in info.read_text().splitlines() if line.startswith("flags")), "").split()
+    return [name.upper() for name in INSTRUCTIONS if name not in flags]
+
+
+def _release(distribution: str) -> str:
+    return importlib.metadata.version(distribution).partition("+")[0]
+
+
+def _computed() -> str:
+    """A hash of what differs between processors under other settings."""
+    import numpy as np
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        made = hashlib.sha256()
+        for values in _operations(np, torch):
+            made.update(np.ascontiguousarray(values).tobytes())
+        return made.hexdigest()[:16]
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _operations(np: Any, torch: Any) -> Iterator[Any]:
+    x = np.linspace(0.1, 3.0, 4096)
+    square = np.outer(x[:96], x[::-1][:96]) % 1.0
+    yield from (np.exp(x), np.log(x), np.power(x, 1.3), np.arctan2(x, x[::-1]), square @ square.T)
+    y, matrix = torch.from_numpy(x).float(), torch.from_numpy(square).float()
+    yield from (y.exp(), y.erf(), y.log(), y.tanh(), matrix @ matrix.T, torch.softmax(matrix, -1))
+    images = torch.from_numpy(np.resize(x, (2, 8, 32, 32))).float()
+    kernels = torch.from_numpy(np.resize(x % 0.7, (16, 8, 3, 3))).float()
+    for batch in (images, images[:1]):
+        yield torch.nn.functional.conv2d(batch, kernels, padding=1)
+    yield torch.nn.functional.gelu(images)
 
 
 def renderer(model: "mujoco.MjModel", height: int, width: int) -> "mujoco.Renderer":

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mimo.record import streams
+from mimo.record import runtime, streams
 from mimo.settings.params import Agent, Params
 from mimo.world import scene
 from mimo.world.eye import SIZE, Eye
@@ -29,6 +29,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
         frames: (regime, world, step, 2, 128, 128, 3) uint8, regimes in the order of REGIMES.
         centres: (regime, world, step, 2, 3) m, the mobile's centre of mass in each frame.
     """
+    runtime.check()
     settings = params.collect
     shape = (len(REGIMES), settings.worlds, settings.steps, 2)
     frames = np.empty((*shape, SIZE, SIZE, 3), np.uint8)

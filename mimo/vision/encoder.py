@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from mimo.record import artifact
+from mimo.record import artifact, runtime
 from mimo.settings import params
 
 SCHEMA = "encoder"
@@ -126,11 +126,13 @@ def train(
 
     Raises:
         FloatingPointError: a loss is not finite; names the iteration.
+        KernelError: see runtime.check.
     """
+    runtime.check()
     torch.set_num_threads(THREADS)
     torch.manual_seed(int(generator.integers(2**31)))
     net = UNet(settings)
-    optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate)
+    optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, fused=True)
     curves = np.empty((settings.iterations, 2), np.float32)
     for iteration in range(settings.iterations):
         chosen = generator.choice(len(pairs), size=min(settings.pairs, len(pairs)), replace=False)
@@ -201,6 +203,7 @@ class Extractor:
     """
 
     def __init__(self, settings: params.Encoder, trained: Trained) -> None:
+        runtime.check()
         self.net = _frozen(settings, trained.weights)
         self._mean = torch.from_numpy(trained.mean)
         self._gain = settings.latent_sd / torch.from_numpy(trained.sd)

@@ -15,9 +15,6 @@ from typing import Any
 from mimo.record import identity
 from stages.base import paths
 
-# Instructions by which numpy, torch, MKL, glibc, Mesa choose kernels; sums and exponentials may differ.
-CHOOSING = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512bw", "avx512dq", "avx512vl", "amx_tile", "asimd", "sve")
-
 
 def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
     """Remember that the artifact was computed now, on the machine `where` or (None) on this one."""
@@ -47,7 +44,7 @@ def machine() -> dict[str, Any]:
     """The machine and its software, as far as they decide bits or time."""
     drawn = paths.RENDERER.read_text().strip() if paths.RENDERER.exists() else "unknown"
     return {
-        "class": cpu_class(),
+        "class": machine_class(),
         "cpu": _cpuinfo().get("model name", platform.processor()),
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.machine()}, {'-'.join(platform.libc_ver())}",
@@ -58,13 +55,12 @@ def machine() -> dict[str, Any]:
     }
 
 
-def cpu_class() -> str:
-    """Vendor and instructions: machines that agree in it and in the libraries' versions are to give the same bytes."""
-    info = _cpuinfo()
-    flags = set((info.get("flags") or info.get("Features", "")).split())
-    return " ".join(
-        [platform.machine(), info.get("vendor_id", "unknown"), *(name for name in CHOOSING if name in flags)]
-    )
+def machine_class() -> str:
+    """Machines that agree in it, and in the libraries' releases, are to give the same bytes: see runtime.KERNELS.
+
+    The C library is part of it, as it has the sine and exponential that MuJoCo computes with.
+    """
+    return f"{platform.machine()}, {' '.join(platform.libc_ver())}"
 
 
 def foreign() -> str:

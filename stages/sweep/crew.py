@@ -30,7 +30,7 @@ POLL_SECONDS = 1.0
 RETRIES = 3  # of a task whose worker or node was lost
 STARTS = 3  # of Ray, at most
 OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
-REFUSED = "The cluster is refused: {}. Install requirements.lock on every node."
+REFUSED = "The cluster is refused: {}. Every node needs requirements.lock, AVX2 and FMA."
 SERIAL = 0  # workers: none, this process computes
 REPORTS = 20  # a second, of all workers together
 AHEAD = 8  # workers to a task that waits, so that none of them waits for the driver
@@ -242,7 +242,7 @@ def _other_here(versions: Mapping[str, str]) -> str:
 
 
 def _other(versions: Mapping[str, str]) -> str:
-    """Which libraries this node has in other versions, as a sentence; empty if none."""
+    """Which libraries this node has in other versions, or why it computes other bytes; empty if neither."""
     found = []
     for name, version in versions.items():
         try:
@@ -251,6 +251,10 @@ def _other(versions: Mapping[str, str]) -> str:
             own = "missing"
         if own != version:
             found.append(f"{name} {own} instead of {version}")
+    try:
+        runtime.check()
+    except runtime.KernelError as fault:
+        return f"node {platform.node()}: {fault}"
     address = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
     return f"node {platform.node()} ({address}) has {', '.join(found)}" if found else ""
 
@@ -316,7 +320,7 @@ def _join(address: str) -> None:
             "(`ray start --address=HOST:6379 --num-cpus=0`), then set RAY_ADDRESS=auto."
         )
     code = [str(Path(package.__path__[0])) for package in (mimo, stages)]
-    passed = {name: os.environ[name] for name in runtime.ENVIRONMENT if name in os.environ}
+    passed = {name: os.environ[name] for name in (*runtime.ENVIRONMENT, *runtime.KERNELS) if name in os.environ}
     try:
         ray.init(
             address=address,

@@ -67,5 +67,8 @@ class Reward:
 
 
 def length(x: Tensor) -> Tensor:
-    """Euclidean length over the last dimension."""
-    return x.square().sum(-1).sqrt()
+    """Euclidean length over the last dimension; torch's square root is another on another vendor's processor."""
+    import torch  # late: see the package
+
+    found: Tensor = torch.linalg.vector_norm(x, dim=-1)
+    return found

@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mimo.record import runtime
+from mimo.settings.params import Params
+from mimo.vision import collect, encoder
 
 ROOT = Path(__file__).parents[3]
 TRITON = ROOT / ".venv/triton"  # `make .venv/triton`
@@ -108,3 +111,51 @@ def test_environments_draw_in_forks(script: str) -> None:
     """They would wait for ever for threads of llvmpipe that stayed behind."""
     done = run(script)
     assert done.returncode == 0, done.stderr
+
+
+CHECK = "from mimo.record import runtime\nruntime.check()\nprint('the same')"
+
+
+def test_a_process_that_loads_mimo_first_computes_as_all_do() -> None:
+    """Whatever the user has set."""
+    done = run(CHECK, OPENBLAS_CORETYPE="Prescott", ATEN_CPU_CAPABILITY="default", MKL_CBWR="SSE2")
+    assert (done.returncode, done.stdout) == (0, "the same\n"), done.stderr
+
+
+def test_a_process_with_other_kernels_is_refused_by_what_they_compute() -> None:
+    early = "import torch\ntorch.ones(64).exp()\n"
+    done = run(early + CHECK, ATEN_CPU_CAPABILITY="default", MKL_CBWR="SSE2")
+    assert done.returncode == 1
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith(
+        "mimo.record.runtime.KernelError: Results would be other bytes here: numpy and torch came before"
+    )
+    assert all(f"{name}={value}" in last for name, value in runtime.KERNELS.items())
+
+
+def test_a_library_that_came_early_with_the_right_kernels_is_no_fault() -> None:
+    done = run(f"import numpy, torch\n{CHECK}", **runtime.KERNELS)
+    assert (done.returncode, done.stdout) == (0, "the same\n"), done.stderr
+
+
+def test_a_processor_without_the_instructions_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtime, "INSTRUCTIONS", ("fma", "avx1024"))
+    with pytest.raises(
+        runtime.KernelError, match="This processor lacks AVX1024, without which results are other bytes"
+    ):
+        runtime.check.__wrapped__()
+
+
+def test_what_computes_checks_first(monkeypatch: pytest.MonkeyPatch, tiny: Params, pairs: np.ndarray) -> None:
+    def refuse() -> None:
+        raise runtime.KernelError("no")
+
+    trained = encoder.train(tiny.encoder, pairs, np.random.default_rng(0))
+    monkeypatch.setattr(runtime, "check", refuse)
+    for compute in (
+        lambda: encoder.train(tiny.encoder, pairs, np.random.default_rng(0)),
+        lambda: encoder.Extractor(tiny.encoder, trained),
+        lambda: collect.collect(tiny),
+    ):
+        with pytest.raises(runtime.KernelError):
+            compute()

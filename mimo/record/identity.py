@@ -19,7 +19,12 @@ from pydantic import BaseModel
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "mimo"
-LIBRARIES = {"mujoco": "mujoco-core", "torch": "torch", "numpy": "numpy"}  # mujoco-core: MuJoCo's minimal distribution
+LIBRARIES = {
+    "mujoco": "mujoco-core",
+    "torch": "torch",
+    "numpy": "numpy",
+    "numba": "numba",
+}  # mujoco-core: MuJoCo's minimal distribution
 # These decide no number: settings are only checked there, and enter a digest resolved; artifact.py and identity.py only
 # store and name results (artifact.SCHEMA_VERSION refuses files of another layout).
 EXCLUDED = ("mimo.settings", "mimo.record.identity", "mimo.record.artifact")

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from mimo.record import artifact, runtime
 from mimo.settings import params
+from mimo.vision import inference
 
 SCHEMA = "encoder"
 BOTTLENECK = 8  # pixels a side after four halvings of 128
@@ -148,9 +149,7 @@ def train(
         optimiser.step()
         progress(iteration + 1)
     weights = {name: tensor.detach().numpy().copy() for name, tensor in net.state_dict().items()}
-    torch.set_num_threads(1)
-    with torch.inference_mode():
-        raw = _raw(_frozen(settings, weights), pairs.reshape(-1, *pairs.shape[2:])).numpy()
+    raw = inference.raw(inference.layers(weights), pairs.reshape(-1, *pairs.shape[2:]))
     mean, sd = raw.mean(axis=0), raw.std(axis=0)
     scaled = (raw - mean) / sd * settings.latent_sd
     quantiles = np.quantile(scaled, LEVELS, axis=0).T.astype(np.float32)
@@ -162,10 +161,6 @@ def _frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet
     net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
     net.eval().requires_grad_(False)
     return net
-
-
-def _raw(net: UNet, frames: np.ndarray) -> Tensor:
-    return torch.cat([net.encode(images(frame))[0] for frame in frames])
 
 
 def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str, float]) -> str:
@@ -199,19 +194,18 @@ def load(held: artifact.Artifact) -> Trained:
 class Extractor:
     """The frozen encoder: pictures to h, each dimension centred and scaled to SD `latent_sd` over the training frames.
 
-    Frames pass one at a time, so that a frame's h is the same bytes in whatever company it comes.
+    Frames pass one at a time, so that a frame's h is the same bytes in whatever company it comes. `net` is the U-Net.
     """
 
     def __init__(self, settings: params.Encoder, trained: Trained) -> None:
         runtime.check()
         self.net = _frozen(settings, trained.weights)
-        self._mean = torch.from_numpy(trained.mean)
-        self._gain = settings.latent_sd / torch.from_numpy(trained.sd)
+        self._layers = inference.layers(trained.weights)
+        self._mean, self._gain = trained.mean, np.float32(settings.latent_sd) / trained.sd
 
     def __call__(self, frames: np.ndarray) -> Tensor:
         """(N, 128, 128, 3) uint8 frames to h (N, latent) float32."""
-        with torch.inference_mode():
-            return (_raw(self.net, frames) - self._mean).mul_(self._gain)
+        return torch.from_numpy((inference.raw(self._layers, frames) - self._mean) * self._gain)
 
     def reconstruct(self, frames: np.ndarray, skips: bool = True) -> np.ndarray:
         """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise; without skip connections, of h alone."""

@@ -30,7 +30,7 @@ POLL_SECONDS = 1.0
 RETRIES = 3  # of a task whose worker or node was lost
 STARTS = 3  # of Ray, at most
 OBJECT_STORE = 256 * 2**20  # bytes: encoder and a few chunks' results
-REFUSED = "The cluster is refused: {}. Every node needs requirements.lock, AVX2 and FMA."
+REFUSED = "The cluster is refused: {}. Install requirements.lock on every node."
 SERIAL = 0  # workers: none, this process computes
 REPORTS = 20  # a second, of all workers together
 AHEAD = 8  # workers to a task that waits, so that none of them waits for the driver
@@ -251,12 +251,14 @@ def _other(versions: Mapping[str, str]) -> str:
             own = "missing"
         if own != version:
             found.append(f"{name} {own} instead of {version}")
+    node = f"node {platform.node()} ({ray.util.get_node_ip_address()})"  # type: ignore[no-untyped-call]
+    if found:
+        return f"{node} has {', '.join(found)}"
     try:
         runtime.check()
     except runtime.KernelError as fault:
-        return f"node {platform.node()}: {fault}"
-    address = ray.util.get_node_ip_address()  # type: ignore[no-untyped-call]
-    return f"node {platform.node()} ({address}) has {', '.join(found)}" if found else ""
+        return f"{node}: {fault}"
+    return ""
 
 
 def _same_everywhere(versions: Mapping[str, str]) -> None:

@@ -167,5 +167,5 @@ def test_what_has_no_stable_spelling_is_refused(value: object) -> None:
 
 def test_versions_are_of_what_is_installed() -> None:
     found = identity.versions()
-    assert set(found) == {"mujoco", "torch", "numpy"}
+    assert set(found) == {"mujoco", "torch", "numpy", "numba"}
     assert found["numpy"] == np.__version__

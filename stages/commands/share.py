@@ -35,18 +35,24 @@ def push() -> None:
     Raises:
         console.StageError: dvc.lock is not what the tree gives, so others could not tell what they get; or DVC fails.
     """
-    pipelines = ["dvc.yaml", *(["studies/dvc.yaml"] if Path("studies/dvc.lock").exists() else [])]
-    if dvc.run(["status", "--quiet", *pipelines]):
-        raise console.StageError(
-            "dvc.lock does not fit the files here (`dvc status` says where); run `dvc repro` first."
-        )
-    _dvc("push", "--run-cache")  # of the run cache's results only those that dvc.lock lists
+    for pipeline, remedy in _pipelines().items():
+        if dvc.run(["status", "--quiet", pipeline]):
+            raise console.StageError(
+                f"dvc.lock does not fit the files here (`dvc status {pipeline}` says where); run {remedy} first."
+            )
+    _dvc("push", "--run-cache", *_pipelines())  # of the run cache's results only those that dvc.lock lists
 
 
 def fetch() -> None:
     """Get the results that dvc.lock lists, and the run cache, by which `dvc repro --pull` finds others' results."""
-    _dvc("fetch", "--run-cache")
-    _dvc("checkout")
+    _dvc("fetch", "--run-cache", *_pipelines())
+    _dvc("checkout", *_pipelines())
+
+
+def _pipelines() -> dict[str, str]:
+    """What makes anew what each pipeline lists; the studies' only where they have been made."""
+    found = {"dvc.yaml": "`dvc repro`"}
+    return found | ({"studies/dvc.yaml": "`make studies`"} if Path("studies/dvc.lock").exists() else {})
 
 
 def _dvc(*arguments: str) -> None:

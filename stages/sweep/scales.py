@@ -17,7 +17,7 @@ def digest(p: Params, encoder_hash: str) -> identity.Digest:
         "params": {name: getattr(p, name).model_dump() for name in ("world", "outcomes", "calibrate")}
         | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
         | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
-        | {name: value for name, value in p.rewards.model_dump().items() if name not in ("gain", "scale")}
+        | {"rewards": {name: own for name, own in p.rewards.model_dump().items() if name not in ("gain", "scale")}}
         | {
             "seed": p.seed,
             "force": p.conditions.free.force,

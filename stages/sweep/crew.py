@@ -40,7 +40,7 @@ Report = Callable[[int], None]  # takes how many steps are done
 
 
 class Foreign(console.StageError):
-    """A node of the cluster has other libraries."""
+    """A node of the cluster has other libraries, or would compute other bytes."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 SHIRT, TROUSERS, WHITE, SKIN = (0.1, 0.5, 0.0, 1.0), (0.1, 0.1, 0.6, 1.0), (1.0, 1.0, 1.0, 1.0), (0.95, 0.8, 0.5, 1.0)
 SMOOTH, GRIP, SOLE = (1.0, 0.005, 0.0002), (5.0, 0.02, 0.01), (2.0, 0.02, 0.01)  # friction
 
+LIMIT = (0.98, 0.99, 0.001, 0.5, 1.0)  # MuJoCo's solimp of every joint's limits
+
 
 @dataclass(frozen=True)
 class Hinge:
@@ -300,6 +302,7 @@ def _add_hinge(body: mujoco.MjsBody, hinge: Hinge) -> None:
         frictionloss=hinge.friction,
         armature=hinge.armature,
         springref=radians(hinge.rest_degrees),
+        solimp_limit=LIMIT,
     )
 
 

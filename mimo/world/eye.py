@@ -25,6 +25,8 @@ class Eye:
         quality.offsamples, quality.shadowsize, quality.numslices, quality.numstacks = 0, 0, 12, 8
         self._model, self._data = model, mujoco.MjData(model)
         self._renderer: mujoco.Renderer | None = None
+        self._camera = mujoco.MjvCamera()
+        self._camera.type, self._camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera("right_eye").id
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[SEEN] = 1
@@ -43,7 +45,7 @@ class Eye:
             self._data.qpos[:] = position
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-            renderer.update_scene(self._data, "right_eye", self._option)
+            renderer.update_scene(self._data, self._camera, self._option)
             renderer.render(out=frame)
         return frames
 

@@ -54,9 +54,7 @@ class Worlds:
         self._time = self._batch.bind("time")
         self._rope = self._batch.expand("tendon_stiffness")
         self._batch.reset(keyframe=0)
-        rest = self._batch.get_data(0)
-        mujoco.mj_forward(scene.model, rest)
-        self._centre = np.tile(rest.subtree_com[scene.mobile], (self.size, 1))
+        self._centre = scene.centre_of_mass(self._qpos)
         self._inputs = int(mujoco.mjtState.mjSTATE_CTRL)
         if force:
             self._inputs |= int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
@@ -126,10 +124,9 @@ class Worlds:
         """As many updates as `control` (N, updates, columns) holds."""
         self._rope[:] = self.scene.rope_stiffness if attached else 0.0
         due = self._time + control.shape[1] * self._protocol.timestep
-        record = self._batch.rollout(
-            nstep=control.shape[1], control=control, control_spec=self._inputs, record=("subtree_com",)
-        )
-        track = record["subtree_com"][:, :, self.scene.mobile]
+        record = self._batch.rollout(nstep=control.shape[1], control=control, control_spec=self._inputs)
+        # Of positions, since MuJoCo's own centres of mass belong to those before the update.
+        track = self.scene.centre_of_mass(record["qpos"])
         self._check(due, track)
         moves = np.diff(np.concatenate([self._centre[:, None], track], axis=1), axis=1)
         self._centre = track[:, -1].copy()

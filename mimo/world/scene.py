@@ -16,6 +16,9 @@ HIP_HEIGHT = 0.065  # m; the head's back then touches the mattress
 SUPINE = (0.7071067811865476, 0.0, -0.7071067811865476, 0.0)  # chest up, head towards -x
 SETTLE_UPDATES = 4000  # 20 s: the shoulders creep for long
 
+NEAR = 0.004  # m from the eye: what is nearer is not drawn, as in MIMo
+EXTENT = 2.0  # m, the scene's
+
 SEEN, UNSEEN = 0, 1  # geom groups: what the right eye can see, and the rest
 ARMS = ("upper_arm", "lower_arm", "hand", "fingers")
 
@@ -49,6 +52,14 @@ class Scene:
     limb_joints: np.ndarray
     rope_stiffness: float
 
+    def centre_of_mass(self, qpos: np.ndarray) -> np.ndarray:
+        """The mobile's centre of mass (..., 3) in m, of generalised positions (..., nq)."""
+        body = self.model.body(self.mobile)
+        first = self.model.jnt_qposadr[body.jntadr[0]]
+        w, turn = qpos[..., first, None], qpos[..., first + 1 : first + 4]  # a unit quaternion
+        place: np.ndarray = body.pos + body.ipos + 2 * np.cross(turn, np.cross(turn, body.ipos) + w * body.ipos)
+        return place
+
 
 def build(world: World, protocol: Protocol) -> Scene:
     """Compile the scene for the protocol's limb: settle the infant, put the ring at the limb's resting end."""
@@ -73,6 +84,8 @@ def _spec(world: World, protocol: Protocol) -> mujoco.MjSpec:
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.iterations = 50
     spec.option.tolerance = 1e-10
+    spec.visual.map.znear = NEAR / EXTENT  # MuJoCo counts it in units of the extent
+    spec.stat.extent = EXTENT
     spec.default.geom.solref = (0.005, 1.0)
     spec.default.geom.solimp = (0.95, 0.99, 0.001, 0.5, 1.0)
     spec.worldbody.add_light(
@@ -94,21 +107,20 @@ def _spec(world: World, protocol: Protocol) -> mujoco.MjSpec:
 
 
 def _add_crib(spec: mujoco.MjSpec) -> None:
-    """Mattress (solid) and rails (to be looked at: no limb reaches them)."""
-    box = mujoco.mjtGeom.mjGEOM_BOX
-    spec.worldbody.add_geom(
-        name="mattress", type=box, size=(0.6, 0.36, 0.05), pos=(-0.05, 0, -0.05), rgba=(0.85, 0.88, 0.95, 1)
-    )
+    """The mattress, solid as a plane without end, as in MIMo; what is to be looked at: its body, and rails."""
+    plane, box = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
+    spec.worldbody.add_geom(name="mattress", type=plane, size=(1, 1, 1), rgba=(0, 0, 0, 0))
+
+    def show(size: body.Vector, pos: body.Vector, rgba: tuple[float, float, float, float]) -> None:
+        spec.worldbody.add_geom(type=box, size=size, pos=pos, rgba=rgba, contype=0, conaffinity=0)
+
+    show((0.6, 0.4, 0.05), (-0.05, 0, -0.05), (0.85, 0.88, 0.95, 1))
     wood = (0.72, 0.53, 0.33, 1.0)
-    for y in (-0.38, 0.38):
+    for y in (-0.425, 0.425):  # beyond the fingers' reach
         for z in (-0.08, 0.32):
-            spec.worldbody.add_geom(
-                type=box, size=(0.62, 0.012, 0.02), pos=(-0.05, y, z), rgba=wood, contype=0, conaffinity=0
-            )
+            show((0.62, 0.012, 0.02), (-0.05, y, z), wood)
         for x in np.linspace(-0.65, 0.55, 13):
-            spec.worldbody.add_geom(
-                type=box, size=(0.008, 0.008, 0.19), pos=(x, y, 0.12), rgba=wood, contype=0, conaffinity=0
-            )
+            show((0.008, 0.008, 0.19), (float(x), y, 0.12), wood)
 
 
 def _add_mobile(spec: mujoco.MjSpec, world: World) -> None:

@@ -42,6 +42,24 @@ FIGURES = {  # degrees from, to; torque N m from, to; stiffness N m/rad; damping
     "foot3": (-20.0, 30.0, None, None, 1.15, 0.38),
     "toes": (-60.0, 80.0, None, None, 0.106, 0.04),
 }
+PASSIVE = {  # friction N m; armature kg m²; the spring's angle at rest, degrees
+    "shoulder1": (0.0009, 0.004, 0),
+    "shoulder2": (0.0014, 0.004, 0),
+    "shoulder3": (0.0008, 0.004, 0),
+    "elbow": (0.03, 0.002, -20),
+    "hand1": (0.007, 0.001, -20),
+    "hand2": (0.007, 0.001, 0),
+    "hand3": (0.007, 0.001, 0),
+    "fingers": (0.0023, 0.0001, -40),
+    "hip1": (0.08, 0.005, -10),
+    "hip2": (0.062, 0.005, 0),
+    "hip3": (0.027, 0.005, 0),
+    "knee": (0.065, 0.003, -30),
+    "foot1": (0.019, 0.003, -10),
+    "foot2": (0.011, 0.0025, 0),
+    "foot3": (0.012, 0.002, 0),
+    "toes": (0.005, 0.0005, 0),
+}
 PAPER_TABLE = """
 hip_lean1 hip_lean2 hip_rot1 hip_rot2 hip_bend1 hip_bend2
 head1 head2 head3 left_eye1 left_eye2 left_eye3
@@ -93,6 +111,20 @@ def test_range_torque_stiffness_and_damping_of_every_joint(built: scene.Scene, s
         assert motor.ctrlrange == pytest.approx([weakest, strongest])
         assert motor.gear[0] == 1.0
         assert motor.trnid[0] == held.id
+
+
+@pytest.mark.parametrize("joint", PASSIVE)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_friction_armature_spring_and_limits_of_every_joint(built: scene.Scene, side: str, joint: str) -> None:
+    friction, armature, rest = PASSIVE[joint]
+    held, model = built.model.joint(f"{side}_{joint}"), built.model
+    dof = held.dofadr[0]
+    assert model.dof_frictionloss[dof] == pytest.approx(friction)
+    assert model.dof_armature[dof] == pytest.approx(armature)
+    assert np.degrees(model.qpos_spring[held.qposadr[0]]) == pytest.approx(rest)
+    assert model.jnt_limited[held.id]
+    assert model.jnt_solimp[held.id] == pytest.approx([0.98, 0.99, 0.001, 0.5, 1])
+    assert model.jnt_solref[held.id] == pytest.approx([0.02, 1])
 
 
 def test_left_is_the_mirror_image_of_right(built: scene.Scene) -> None:

@@ -84,6 +84,11 @@ def test_nothing_the_eye_could_see_is_left_out(limb: str) -> None:
     assert not hidden
 
 
+def test_what_is_nearer_than_4_mm_is_cut() -> None:
+    model = scene.build(P.world, P.protocol).model
+    assert model.vis.map.znear * model.stat.extent == pytest.approx(0.004)
+
+
 def test_the_rope_is_invisible() -> None:
     built = scene.build(P.world, P.protocol)
     with Eye(built) as eye:

@@ -97,16 +97,21 @@ def test_path_length_and_centre_against_a_plain_loop(built: scene.Scene) -> None
     model.tendon_stiffness[built.rope] = built.rope_stiffness
     try:
         last, length = data.subtree_com[built.mobile].copy(), 0.0
+        after = mujoco.MjData(model)
         for row in control[0]:
             data.ctrl[:] = row[:12]
             data.xfrc_applied[:] = row[12:].reshape(-1, 6)
             mujoco.mj_step(model, data)
-            length += float(np.linalg.norm(data.subtree_com[built.mobile] - last))
-            last = data.subtree_com[built.mobile].copy()
+            after.qpos[:] = data.qpos  # mj_step leaves the centres of mass of the positions that it began with
+            mujoco.mj_kinematics(model, after)
+            mujoco.mj_comPos(model, after)
+            length += float(np.linalg.norm(after.subtree_com[built.mobile] - last))
+            last = after.subtree_com[built.mobile].copy()
     finally:
         model.tendon_stiffness[:] = stiffness
     outcome = w._advance(control, attached=True)
     assert outcome.path_length[0] == pytest.approx(length, rel=1e-12)
+    assert np.linalg.norm(data.subtree_com[built.mobile] - last) > 1e-4
     assert outcome.centre_of_mass[0] == pytest.approx(last, abs=1e-12)
     assert w.qpos[0] == pytest.approx(data.qpos, abs=1e-12)
 

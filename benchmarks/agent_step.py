@@ -17,7 +17,7 @@ from mimo.learning.experiment import Experiment
 from mimo.learning.rewards import REWARDS
 from mimo.record import streams
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import encoder, extractor
 from mimo.world import scene
 from mimo.world.physics import Worlds
 
@@ -92,12 +92,12 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
     return {part: seconds * per for part, seconds in spent.items()}, alone * per
 
 
-def untrained(settings: params.Encoder) -> encoder.Trained:
+def untrained(settings: params.Encoder) -> extractor.Trained:
     """A U-Net as initialised, whose h is left as it is."""
     weights = {name: value.numpy() for name, value in encoder.UNet(settings).state_dict().items()}
     zeros, ones = np.zeros(settings.latent, np.float32), np.ones(settings.latent, np.float32)
-    quantiles = np.zeros((settings.latent, len(encoder.LEVELS)), np.float32)
-    return encoder.Trained(weights, zeros, ones, quantiles, zeros, zeros)
+    quantiles = np.zeros((settings.latent, len(extractor.LEVELS)), np.float32)
+    return extractor.Trained(weights, zeros, ones, quantiles, zeros, zeros)
 
 
 def clear(spent: dict[str, float]) -> dict[str, float]:

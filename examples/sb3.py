@@ -16,7 +16,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import torch
 from gymnasium import spaces
 from stable_baselines3 import PPO
 
@@ -27,8 +26,8 @@ from mimo.settings import params
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
 from mimo.settings.section import Condition
-from mimo.vision import encoder
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision import extractor
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import body
 from mimo.world.env import MIMoMobileEnv, Observation
 
@@ -82,12 +81,12 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         seen, mtl, terminated, truncated, info = self.env.step(action)
         moved = np.asarray(action, bool)[None]
         transition = self._perception.transition(moved, np.array([float(mtl)]), seen["vision"][None])
-        paid = torch.stack([gain * part(transition)[0] for gain, part in self._parts]).sum(dim=0)
-        info["rewards"] = paid.numpy()
+        paid = np.sum([gain * part(transition)[0] for gain, part in self._parts], axis=0)
+        info["rewards"] = paid
         return self._observation(seen), float(paid.mean()), terminated, truncated, info
 
     def _observation(self, seen: Observation) -> Observation:
-        return {"proprioception": seen["proprioception"], "latent": self._perception.latent[0].numpy()}
+        return {"proprioception": seen["proprioception"], "latent": self._perception.latent[0]}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -118,7 +117,7 @@ def environment(settings: Params, condition: Condition, reward: str) -> Intrinsi
     Raises:
         Fault: there is no such condition, no scale for the reward, or an artifact is missing or cannot be trusted.
     """
-    trained = encoder.load(artifact.read("data/encoder.h5", encoder.SCHEMA))
+    trained = extractor.load(artifact.read("data/encoder.h5", extractor.SCHEMA))
     scales = artifact.read("data/scales.h5", "scale")
     env = MIMoMobileEnv(condition, settings.protocol.limb, settings=settings)
     return Intrinsic(env, settings, reward, trained, {name: float(scales[name]) for name in reward.split("_")})

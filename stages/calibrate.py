@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from stages.base import console, paths, store
 from stages.sweep import scales
 
@@ -13,13 +13,17 @@ from stages.sweep import scales
 def main() -> None:
     """Measure every reward under the resting policy, unless the store has the scales."""
     p = params.load()
-    held = artifact.read(paths.ENCODER, encoder.SCHEMA)
+    held = artifact.read(paths.ENCODER, extractor.SCHEMA)
     sight = store.sight(held)
 
     def make(path: Path) -> None:
-        total = p.calibrate.steps * p.calibrate.worlds
-        with console.Progress("Reward scales", total, "agent steps") as progress:
-            artifact.publish(scales.measure(p, encoder.load(held), sight, progress.update), path)
+        trained, rest = extractor.load(held), scales.rest_digest(p, sight)
+        if not store.has(store.REST, rest):
+            total = p.calibrate.steps * p.calibrate.worlds
+            with console.Progress("Resting policy", total, "agent steps") as progress:
+                store.keep(store.REST, rest, scales.record(p, trained, sight, progress.update))
+        record = artifact.read(store.place(store.REST, rest), store.REST, rest)
+        artifact.publish(scales.measure(p, trained, sight, record), path)
 
     store.publish(store.SCALE, scales.digest(p, sight), paths.SCALES, make)
 

@@ -11,7 +11,7 @@ import numpy as np
 from mimo.learning import effects
 from mimo.record import artifact, identity
 from mimo.settings import params, studies
-from mimo.vision import encoder
+from mimo.vision import extractor
 from stages.base import console, numbers, paths, store
 from stages.sweep import crew, sweep
 
@@ -24,13 +24,13 @@ def main() -> None:
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.effects")).workers
     p = params.load()
     asked = studies.load(p).effects
-    held = artifact.read(paths.ENCODER, encoder.SCHEMA)
+    held = artifact.read(paths.ENCODER, extractor.SCHEMA)
     sight = store.sight(held)
     worlds: dict[str, dict[str, Any]] = {"published": {}} | asked.alternatives
     settings = {name: params.changed(p, values) for name, values in worlds.items()}
     digests = {name: digest(own, asked, sight) for name, own in settings.items()}
     todo = {
-        name: partial(measure, own, asked, encoder.load(held), digests[name])
+        name: partial(measure, own, asked, extractor.load(held), digests[name])
         for name, own in settings.items()
         if not store.has(store.EFFECT, digests[name])
     }
@@ -59,7 +59,7 @@ def digest(p: params.Params, asked: studies.Effects, encoder_hash: str) -> ident
     return identity.Digest(inputs)
 
 
-def measure(p: params.Params, asked: studies.Effects, trained: encoder.Trained, made_from: str) -> bytes:
+def measure(p: params.Params, asked: studies.Effects, trained: extractor.Trained, made_from: str) -> bytes:
     """One world's effects as an artifact.
 
     Raises:

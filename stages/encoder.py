@@ -8,7 +8,7 @@ import numpy as np
 
 from mimo.record import artifact, identity, streams
 from mimo.settings import params
-from mimo.vision import encoder, probe
+from mimo.vision import encoder, extractor, probe
 from stages.base import console, paths, store
 
 
@@ -21,10 +21,10 @@ def main() -> None:
     def make(path: Path) -> None:
         trained = train(p, frames["frames"])
         measures = probe.measure(p, trained, frames["frames"], frames["centre_of_mass"], _cut(p))
-        encoder.save(trained, path, digest, measures)
+        extractor.save(trained, path, digest, measures)
 
-    store.publish(encoder.SCHEMA, digest, paths.ENCODER, make)
-    held = artifact.read(paths.ENCODER, encoder.SCHEMA, digest)
+    store.publish(extractor.SCHEMA, digest, paths.ENCODER, make)
+    held = artifact.read(paths.ENCODER, extractor.SCHEMA, digest)
     start = "measures/"
     measures = {n[len(start) :]: float(f"{held[n]:.6g}") for n in held.datasets if n.startswith(start)}
     artifact.publish(f"{json.dumps(measures, indent=2)}\n".encode(), paths.ENCODER_METRICS)
@@ -43,7 +43,7 @@ def made_from(p: params.Params, frames: artifact.Artifact, measured: bool = True
     return identity.Digest(inputs)
 
 
-def train(p: params.Params, frames: np.ndarray) -> encoder.Trained:
+def train(p: params.Params, frames: np.ndarray) -> extractor.Trained:
     """An encoder by `p.encoder`, from the frames that are not held out."""
     pairs = frames[:, :, : _cut(p)]
     with console.Progress("Encoder", p.encoder.iterations, "iterations") as progress:

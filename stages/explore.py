@@ -14,6 +14,7 @@ from mimo.record import artifact, identity
 from mimo.science import analysis
 from mimo.settings import params
 from mimo.world import body
+from mimo.world.protocol import MOVE
 from stages.base import console, numbers, paths
 from stages.sweep import curves
 
@@ -68,7 +69,7 @@ def _joints(run: artifact.Artifact) -> dict[str, Array]:
     """(step, joint) by curve's name."""
     return {
         "reward": run["reward"],
-        "q_move": run["q"][..., analysis.MOVE],
+        "q_move": run["q"][..., MOVE],
         "move_probability": run["move_probability"],
     }
 

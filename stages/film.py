@@ -5,7 +5,7 @@ import sys
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from stages.base import console, origin, paths, store
 from stages.drawing import film
 
@@ -15,7 +15,7 @@ def main() -> None:
     condition = _options().condition
     p = params.load()
     run = artifact.read(paths.RUNS / condition / f"{p.film.run}.h5", store.RUN)
-    pictures, poster = film.filmed(p, run, encoder.load(artifact.read(paths.ENCODER, store.ENCODER)))
+    pictures, poster = film.filmed(p, run, extractor.load(artifact.read(paths.ENCODER, store.ENCODER)))
     artifact.publish(pictures, paths.FILMS / f"{condition}.mp4")
     artifact.publish(poster, paths.FILMS / f"{condition}.png")
     origin.write(f"film@{condition}", paths.FILMS / f"{condition}.json", (run.path, paths.ENCODER))

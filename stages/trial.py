@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from stages import encoder as training
 from stages.base import console, overlay, paths, store
 
@@ -20,9 +20,9 @@ def main() -> None:
     digest = training.made_from(p, frames, measured=False)
 
     def make(path: Path) -> None:
-        encoder.save(training.train(p, frames["frames"]), path, digest, {})
+        extractor.save(training.train(p, frames["frames"]), path, digest, {})
 
-    store.publish(encoder.SCHEMA, digest, paths.TRIAL, make)
+    store.publish(extractor.SCHEMA, digest, paths.TRIAL, make)
 
 
 def settings(p: params.Params) -> params.Params:

@@ -8,7 +8,7 @@ from functools import partial
 
 from mimo.record import artifact
 from mimo.settings import params, studies
-from mimo.vision import encoder
+from mimo.vision import extractor
 from stages.base import console, paths, store
 from stages.sweep import crew, scales, sweep
 
@@ -19,7 +19,7 @@ def main() -> None:
     p = params.load()
     sweeps = studies.load(p).sweeps
     file = paths.ENCODER.read_bytes()
-    held = artifact.from_bytes(file, encoder.SCHEMA, source=paths.ENCODER)
+    held = artifact.from_bytes(file, extractor.SCHEMA, source=paths.ENCODER)
     settings = {name: params.changed(p, variant.set) for name, variant in sweeps.variants.items()}
     sight = store.sight(held)
     digests = {name: scales.digest(own, sight) for name, own in settings.items()}
@@ -44,19 +44,26 @@ def _measure(
 ) -> None:
     """All scales that the store lacks; a variant that changes nothing they depend on finds the published ones."""
     names = {digest: name for name, digest in digests.items()}  # of variants with the same scales, one
+    sight = store.sight(held)
     todo = {
-        name: partial(
-            scales.measure, settings[name], sweep.trained(held, p.encoder.latent_sd, settings[name]), store.sight(held)
-        )
+        name: sweep.trained(held, p.encoder.latent_sd, settings[name])
         for digest, name in names.items()
         if not store.has(store.SCALE, digest, elsewhere=[paths.SCALES])
     }
-    if not todo:
-        return
-    steps = p.calibrate.steps * p.calibrate.worlds
-    with console.Progress("Reward scales", len(todo) * steps, "agent steps") as progress:
-        for _ in sweep.fill(store.SCALE, digests, todo, workers):
-            progress.update(progress.done + steps)
+    rests = {name: scales.rest_digest(settings[name], sight) for name in todo}
+    acting = {
+        name: partial(scales.record, settings[name], todo[name], sight)
+        for digest, name in {digest: name for name, digest in rests.items()}.items()
+        if not store.has(store.REST, digest)
+    }
+    if acting:
+        steps = p.calibrate.steps * p.calibrate.worlds
+        with console.Progress("Resting policy", len(acting) * steps, "agent steps") as progress:
+            for _ in sweep.fill(store.REST, rests, acting, workers):
+                progress.update(progress.done + steps)
+    for name, trained in todo.items():
+        record = artifact.read(store.place(store.REST, rests[name]), store.REST, rests[name])
+        store.keep(store.SCALE, digests[name], scales.measure(settings[name], trained, sight, record))
 
 
 def _drop_other_variants(names: set[str]) -> None:

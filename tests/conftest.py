@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mimo.settings.params import Params
-    from mimo.vision.encoder import Trained
+    from mimo.vision.extractor import Trained
 
 from tests import forks
 
@@ -101,10 +101,10 @@ def trained(tiny: Params, pairs: np.ndarray) -> Trained:
 @pytest.fixture(scope="session")
 def encoder_file(trained: Trained, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """`trained` as an artifact."""
-    from mimo.vision import encoder
+    from mimo.vision import extractor
 
     path = tmp_path_factory.mktemp("encoder") / "encoder.h5"
-    encoder.save(trained, path, "d" * 64, {})
+    extractor.save(trained, path, "d" * 64, {})
     return path.read_bytes()
 
 

@@ -1,185 +1,45 @@
 """The agent: Expected SARSA over 12 joints with a Boltzmann policy (paper §3.1, §3.6, appendix "Agent Architecture").
 
-Several seeds learn in lock step, as one stack. A seed's numbers are the same bytes whatever the size of the stack, its
-place in it and its companions. Products of matrices are therefore written as a product and a sum over one dimension:
-a BLAS may choose another kernel, and so another rounding, for another stack. Derivatives are written out, since
-autograd costs more than the arithmetic of so small a network.
+Several seeds learn in lock step, each computed by itself: its numbers are the same bytes in any company.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from mimo.learning import network
+from mimo.learning.network import Network
+from mimo.record.kernels import ONE, Array, adamw, exp, kernel
 from mimo.settings import params
-
-JOINTS = 12  # paper appendix: actuated joints
-ACTIONS = 2  # paper §2.3: NO_TORQUE, MOVE
-NO_TORQUE, MOVE = range(ACTIONS)
-RESIDUALS = 2  # paper appendix
-ALIGNMENT = 64  # floats; each seed's parameters fill whole vector registers, so that all are rounded alike
-
-Saved = tuple[Any, ...]  # what a layer's backward needs of its forward
+from mimo.world.protocol import ACTIONS, JOINTS, MOVE, NO_TORQUE
 
 
-def policy(values: Tensor, move_bias: float, temperature: float) -> Tensor:
-    """Boltzmann policy, paper eq. softmax, with the bias of §3.6 added to Q(MOVE).
+@kernel
+def move_probability(rest: Any, move: Any, move_bias: Any, temperature: Any) -> Any:
+    """P(MOVE) of the Boltzmann policy, paper eq. softmax, with the bias of §3.6 added to Q(MOVE).
 
     Args:
-        values: (..., 2), Q of NO_TORQUE and of MOVE.
-        move_bias: added to Q(MOVE), in units of reward.
+        rest: Q of NO_TORQUE; all are float32.
+        move: Q of MOVE.
+        move_bias: in units of reward.
         temperature: in units of reward.
-
-    Returns:
-        (..., 2), probabilities that sum to 1.
     """
-    bias = values.new_tensor([0.0, move_bias])
-    return torch.softmax((values + bias) / temperature, dim=-1)
+    return ONE / (ONE + exp((rest - move - move_bias) / temperature))
 
 
-def sarsa_target(reward: Tensor, next_values: Tensor, next_probabilities: Tensor, gamma: float) -> Tensor:
-    """Expected SARSA's target, paper eq. td-error: R + gamma sum_u p(u|s') Q(s', u).
+@kernel
+def sarsa_target(reward: Any, rest: Any, move: Any, probability: Any, gamma: Any) -> Any:
+    """Expected SARSA's target, paper eq. td-error: R + gamma sum_u p(u|s') Q(s', u), in units of reward.
 
     Args:
-        reward: (...).
-        next_values: (..., 2), Q of the next state, without the bias of MOVE.
-        next_probabilities: (..., 2), the policy in the next state.
+        reward: R; all are float32.
+        rest: Q of NO_TORQUE in the next state, in which the bias has no part.
+        move: Q of MOVE in the next state.
+        probability: P(MOVE) in the next state.
         gamma: discount.
-
-    Returns:
-        (...), in units of reward.
     """
-    return reward + gamma * (next_probabilities * next_values).sum(-1)
-
-
-def td_error(target: Tensor, values: Tensor, action: Tensor) -> Tensor:
-    """Temporal-difference error, paper eq. td-error: target (...) less the entry of values (..., 2) that action chose.
-
-    Args:
-        target: (...).
-        values: (..., 2), Q of NO_TORQUE and of MOVE.
-        action: (...) bool, True for MOVE.
-    """
-    return target - torch.where(action, values[..., MOVE], values[..., NO_TORQUE])
-
-
-class Linear(NamedTuple):
-    """A linear layer for each seed: weight (N, out, in), bias (N, out)."""
-
-    weight: Tensor
-    bias: Tensor
-
-    def forward(self, x: Tensor) -> tuple[Tensor, Saved]:
-        """(N, in) to (N, out)."""
-        return (self.weight * x.unsqueeze(-2)).sum(-1) + self.bias, (x,)
-
-    def backward(self, saved: Saved, upstream: Tensor, gradient: "Linear") -> Tensor:
-        """Write `gradient` and return the derivative by x, from that by the output."""
-        (x,) = saved
-        torch.mul(upstream.unsqueeze(-1), x.unsqueeze(-2), out=gradient.weight)
-        gradient.bias.copy_(upstream)
-        return (self.weight * upstream.unsqueeze(-1)).sum(-2)
-
-
-class LayerNorm(NamedTuple):
-    """A layer normalisation for each seed: weight (N, width), bias (N, width)."""
-
-    weight: Tensor
-    bias: Tensor
-
-    def forward(self, x: Tensor) -> tuple[Tensor, Saved]:
-        """(N, width) to (N, width)."""
-        normal, mean, scale = torch.native_layer_norm(x, x.shape[-1:], None, None, 1e-5)
-        return normal * self.weight + self.bias, (x, normal, mean, scale)
-
-    def backward(self, saved: Saved, upstream: Tensor, gradient: "LayerNorm") -> Tensor:
-        """Write `gradient` and return the derivative by x, from that by the output."""
-        x, normal, mean, scale = saved
-        torch.mul(upstream, normal, out=gradient.weight)
-        gradient.bias.copy_(upstream)
-        inner: Tensor = torch.ops.aten.native_layer_norm_backward(
-            upstream * self.weight, x, x.shape[-1:], mean, scale, None, None, (True, False, False)
-        )[0]
-        return inner
-
-
-class Residual(NamedTuple):
-    """Linear layer, layer normalisation, GELU and a skip connection."""
-
-    linear: Linear
-    norm: LayerNorm
-
-    def forward(self, x: Tensor) -> tuple[Tensor, Saved]:
-        """(N, width) to (N, width)."""
-        y, of_linear = self.linear.forward(x)
-        y, of_norm = self.norm.forward(y)
-        share = 0.5 + 0.5 * torch.erf(y * 2**-0.5)
-        return x + y * share, (of_linear, of_norm, y, share)
-
-    def backward(self, saved: Saved, upstream: Tensor, gradient: "Residual") -> Tensor:
-        """Write `gradient` and return the derivative by x, from that by the output."""
-        of_linear, of_norm, y, share = saved
-        slope = share + y * torch.exp(-0.5 * y.square()) * (2 * np.pi) ** -0.5
-        inner = self.norm.backward(of_norm, upstream * slope, gradient.norm)
-        return upstream + self.linear.backward(of_linear, inner, gradient.linear)
-
-
-class Network(NamedTuple):
-    """Q network of the paper's appendix, "Agent Architecture", one for each seed."""
-
-    inlet: Linear
-    inlet_norm: LayerNorm
-    residuals: tuple[Residual, ...]
-    outlet_norm: LayerNorm
-    outlet: Linear
-
-    @classmethod
-    def over(cls, flat: Tensor, inputs: int, hidden: int) -> "Network":
-        """The network whose parameters are views of `flat` (N, at least `Network.size`), in the order of its fields."""
-        start = 0
-
-        def linear(outputs: int, inputs: int) -> Linear:
-            return Linear(take(outputs, inputs), take(outputs))
-
-        def norm() -> LayerNorm:
-            return LayerNorm(take(hidden), take(hidden))
-
-        def take(*shape: int) -> Tensor:
-            nonlocal start
-            start, first = start + int(np.prod(shape)), start
-            return flat[:, first:start].view(len(flat), *shape)
-
-        inlet, inlet_norm = linear(hidden, inputs), norm()
-        residuals = tuple(Residual(linear(hidden, hidden), norm()) for _ in range(RESIDUALS))
-        return cls(inlet, inlet_norm, residuals, norm(), linear(JOINTS * ACTIONS, hidden))
-
-    @staticmethod
-    def size(inputs: int, hidden: int) -> int:
-        """Parameters of one seed's network."""
-        norms, outputs = 2 * hidden, JOINTS * ACTIONS
-        inner = hidden * (hidden + 1) + norms
-        return hidden * (inputs + 1) + norms + RESIDUALS * inner + norms + outputs * (hidden + 1)
-
-    def forward(self, state: Tensor) -> tuple[Tensor, Saved]:
-        """State (N, inputs) to Q values (N, JOINTS, ACTIONS)."""
-        x: Tensor = state
-        saved: list[Saved] = []
-        for layer in self._layers():
-            x, of_layer = layer.forward(x)
-            saved.append(of_layer)
-        return x.view(-1, JOINTS, ACTIONS), tuple(saved)
-
-    def backward(self, saved: Saved, upstream: Tensor, gradient: "Network") -> None:
-        """Write `gradient`, from the derivative by the Q values (N, JOINTS, ACTIONS)."""
-        x = upstream.flatten(-2)
-        steps = zip(self._layers(), saved, gradient._layers(), strict=True)
-        for layer, of_layer, into in reversed(list(steps)):
-            x = layer.backward(of_layer, x, into)
-
-    def _layers(self) -> tuple[Any, ...]:
-        return (self.inlet, self.inlet_norm, *self.residuals, self.outlet_norm, self.outlet)
+    return reward + gamma * ((ONE - probability) * rest + probability * move)
 
 
 class Agents:
@@ -193,63 +53,90 @@ class Agents:
             inputs: length of the state, proprioception and latent together.
             generators: one a seed; they are used here only.
         """
-        self._settings = settings
-        aligned = -(-Network.size(inputs, settings.hidden) // ALIGNMENT) * ALIGNMENT
-        parameters = torch.zeros(len(generators), aligned)
-        parameters.grad = torch.zeros_like(parameters)
-        self.network = Network.over(parameters, inputs, settings.hidden)
-        self._gradient = Network.over(parameters.grad, inputs, settings.hidden)
-        _initialise(self.network, generators)
-        # AdamW with torch's defaults, as the paper gives its learning rate alone.
-        self._optimizer = torch.optim.AdamW([parameters], lr=settings.learning_rate, fused=True)
+        width = settings.hidden
+        chosen = (settings.gamma, settings.move_bias, settings.temperature, settings.learning_rate)
+        self._gamma, self._move_bias, self._temperature, self._rate = map(np.float32, chosen)
+        self._numbers, self._gradients, self._first, self._second = np.zeros(
+            (4, len(generators), network.size(inputs, width)), np.float32
+        )
+        self.networks = [network.over(numbers, inputs, width) for numbers in self._numbers]
+        self.gradients = [network.over(numbers, inputs, width) for numbers in self._gradients]
+        self._traces = [network.trace(inputs, width) for _ in generators]
+        self._spare = network.trace(inputs, width)
+        self._values = np.zeros((len(generators), JOINTS * ACTIONS), np.float32)
+        self._updates = 0
+        for net, generator in zip(self.networks, generators, strict=True):
+            _initialise(net, generator)
 
-    @torch.no_grad()
-    def values(self, state: Tensor) -> Tensor:
-        """Q values, paper eq. q_function.
+    def values(self, state: Array) -> Array:
+        """Q values, paper eq. q_function; kept for the update that follows.
 
         Args:
-            state: (N, inputs).
+            state: (N, inputs) float32.
 
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of reward.
         """
-        return self.network.forward(state)[0]
+        for q, net, own, kept in zip(self._values, self.networks, state, self._traces, strict=True):
+            q[:] = network.forward(net, own, kept)
+        return self._values.reshape(-1, JOINTS, ACTIONS).copy()
 
-    def move_probability(self, values: Tensor) -> Tensor:
+    def move_probability(self, values: Array) -> Array:
         """P(MOVE) (N, 12) under the policy, from Q values (N, 12, 2)."""
-        return policy(values, self._settings.move_bias, self._settings.temperature)[..., MOVE]
+        return _move_probabilities(values, self._move_bias, self._temperature)
 
-    @torch.no_grad()
-    def update(self, state: Tensor, action: Tensor, reward: Tensor, next_state: Tensor) -> Tensor:
+    def update(self, action: Array, reward: Array, next_state: Array) -> Array:
         """One step of AdamW on half the squared TD error of one transition, summed over joints (paper eq. td-error).
 
         Args:
-            state: (N, inputs).
-            action: (N, 12) bool, True where the joint moved.
-            reward: (N, 12).
-            next_state: (N, inputs).
+            action: (N, 12) bool, True where the joint moved in the state of which `values` was asked last.
+            reward: (N, 12) float32.
+            next_state: (N, inputs) float32.
 
         Returns:
             (N, 12), the TD errors before the step, in units of reward.
         """
-        following = self.values(next_state)
-        probabilities = policy(following, self._settings.move_bias, self._settings.temperature)
-        target = sarsa_target(reward, following, probabilities, self._settings.gamma)
-        values, saved = self.network.forward(state)
-        error = td_error(target, values, action)
-        upstream = torch.stack([~action, action], dim=-1) * -error.unsqueeze(-1)
-        self.network.backward(saved, upstream, self._gradient)
-        self._optimizer.step()
-        return error
+        self._updates += 1
+        errors = np.empty(action.shape, np.float32)
+        for seed, (net, gradient) in enumerate(zip(self.networks, self.gradients, strict=True)):
+            following = network.forward(net, next_state[seed], self._spare)
+            policy = self._gamma, self._move_bias, self._temperature
+            errors[seed], upstream = _errors(self._values[seed], following, action[seed], reward[seed], *policy)
+            network.backward(net, self._traces[seed], upstream, gradient)
+            numbers, moments = self._numbers[seed], (self._first[seed], self._second[seed])
+            adamw(numbers, self._gradients[seed], *moments, self._rate, self._updates)
+        return errors
 
 
-def _initialise(network: Network, generators: Sequence[np.random.Generator]) -> None:
-    linears = [network.inlet, *(residual.linear for residual in network.residuals), network.outlet]
-    norms = [network.inlet_norm, *(residual.norm for residual in network.residuals), network.outlet_norm]
-    for norm in norms:
-        norm.weight.fill_(1.0)
-    for seed, generator in enumerate(generators):
-        for linear in linears:
-            bound = linear.weight.shape[-1] ** -0.5
-            for part in linear:
-                part[seed] = torch.from_numpy(generator.uniform(-bound, bound, part[seed].shape))
+@kernel
+def _move_probabilities(values: Array, move_bias: Any, temperature: Any) -> Array:
+    found = np.empty(values.shape[:2], np.float32)
+    for seed in range(len(values)):
+        for joint in range(values.shape[1]):
+            rest, move = values[seed, joint, NO_TORQUE], values[seed, joint, MOVE]
+            found[seed, joint] = move_probability(rest, move, move_bias, temperature)
+    return found
+
+
+@kernel
+def _errors(
+    values: Array, following: Array, action: Array, reward: Array, gamma: Any, move_bias: Any, temperature: Any
+) -> tuple[Array, Array]:
+    """TD errors (12,), and half their squares' derivatives by the Q values (24,), of which the actions chose 12."""
+    error, upstream = np.empty(len(action), np.float32), np.zeros(len(values), np.float32)
+    for joint in range(len(action)):
+        rest, move = following[ACTIONS * joint + NO_TORQUE], following[ACTIONS * joint + MOVE]
+        probability = move_probability(rest, move, move_bias, temperature)
+        chosen = ACTIONS * joint + action[joint]
+        error[joint] = sarsa_target(reward[joint], rest, move, probability, gamma) - values[chosen]
+        upstream[chosen] = -error[joint]
+    return error, upstream
+
+
+def _initialise(net: Network, generator: np.random.Generator) -> None:
+    for norm in (net.inlet_norm, *(residual.norm for residual in net.residuals), net.outlet_norm):
+        norm.weight[:] = 1
+    for linear in (net.inlet, *(residual.linear for residual in net.residuals), net.outlet):
+        bound = linear.weight.shape[1] ** -0.5
+        for part in linear:
+            part[:] = generator.uniform(-bound, bound, part.shape)

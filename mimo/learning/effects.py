@@ -9,19 +9,19 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 
-from mimo.learning.agent import JOINTS
 from mimo.learning.experience import Experience
 from mimo.learning.outcomes import taus
+from mimo.learning.rewards.reward import length
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.settings.studies import Effects
 from mimo.vision.collect import resting_probability
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
+from mimo.world.protocol import JOINTS
 from mimo.world.scene import Scene
 
 REGIMES = (("free", True), ("noisy", True), ("noisy", False))  # condition, and whether the rope is on
@@ -64,7 +64,6 @@ def measure(
     Raises:
         FloatingPointError: something does not vary, so that it has no effect.
     """
-    torch.set_num_threads(1)
     steps = settings.steps * settings.worlds
     built, extract = scene.build(params.world, params.protocol), Extractor(params.encoder, trained)
     with Eye(built) as eye:
@@ -72,7 +71,7 @@ def measure(
             sample(params, settings, built, eye, extract, regime, partial(_after, index * steps, progress))
             for index, regime in enumerate(REGIMES)
         )
-    attached, levels = body.attached(params.protocol.limb), taus(params.outcomes.quantiles).double().numpy()
+    attached, levels = body.attached(params.protocol.limb), taus(params.outcomes.quantiles).astype(float)
     return {
         "free": joints(free, attached, levels),
         "noisy": joints(noisy, attached, levels),
@@ -112,9 +111,8 @@ def sample(
         moved = np.stack([draw.random(JOINTS) for draw in policy]) < resting_probability(params.agent)
         positive = np.stack([draw.random(JOINTS) for draw in direction]) < 0.5
         outcome, transition = experience.step(moved, positive, attached)
-        latent = transition.latent.numpy()
-        distance = np.linalg.norm(latent - transition.latent_before.numpy(), axis=1)
-        seen.append((moved, outcome.path_length, distance, outcome.centre_of_mass, latent))
+        distance = length(transition.latent - transition.latent_before)
+        seen.append((moved, outcome.path_length, distance, outcome.centre_of_mass, transition.latent))
         progress((step + 1) * settings.worlds)
     return Sample(*(np.concatenate(values) for values in zip(*seen[settings.dropped :], strict=True)))
 

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from mimo.learning.outcomes import Outcomes, taus
 from mimo.learning.rewards import Transition
 from mimo.settings.params import Params
-from mimo.vision.encoder import LEVELS, Extractor, Trained
+from mimo.vision.extractor import LEVELS, Extractor, Trained
 from mimo.world.eye import Eye
 from mimo.world.physics import Outcome, Worlds
 
@@ -40,18 +38,32 @@ class Perception:
             frames: (N, 128, 128, 3) uint8, what is seen at the step's end.
         """
         before, self.latent = self.latent, self._extract(frames)
-        action = torch.from_numpy(moved)
-        found = Transition(
-            path_length=torch.from_numpy(path_length).float(),
-            latent_before=before,
-            latent=self.latent,
-            action=action,
-            influence=self.outcomes.influence() if self.outcomes else None,
-            expectation=self.outcomes.expectation(action) if self.outcomes else None,
-        )
-        if self.outcomes:
-            self.outcomes.update(action, self.latent)
-        return found
+        return transition(moved, path_length.astype(np.float32), before, self.latent, self.outcomes)
+
+
+def transition(
+    action: np.ndarray, path_length: np.ndarray, before: np.ndarray, after: np.ndarray, outcomes: Outcomes | None
+) -> Transition:
+    """What came of an action; the outcome models learn from it once they have said what they expected.
+
+    Args:
+        action: (N, 12) bool, True where the joint moved.
+        path_length: (N,) float32, m travelled by the mobile.
+        before: (N, latent) float32, h.
+        after: (N, latent) float32, h.
+        outcomes: of N seeds, where something needs them.
+    """
+    found = Transition(
+        path_length=path_length,
+        latent_before=before,
+        latent=after,
+        action=action,
+        influence=outcomes.influence() if outcomes else None,
+        expectation=outcomes.expectation(action) if outcomes else None,
+    )
+    if outcomes:
+        outcomes.update(action, after)
+    return found
 
 
 class Experience:
@@ -101,8 +113,7 @@ def untaught(params: Params, trained: Trained, generators: Sequence[np.random.Ge
     return Outcomes(params.outcomes, initial_quantiles(params, trained), generators)
 
 
-def initial_quantiles(params: Params, trained: Trained) -> Tensor:
+def initial_quantiles(params: Params, trained: Trained) -> np.ndarray:
     """(latent, quantiles) where every outcome model starts."""
-    levels = taus(params.outcomes.quantiles).numpy()
-    start = np.stack([np.interp(levels, LEVELS, row) for row in trained.quantiles])
-    return torch.from_numpy(start.astype(np.float32))
+    levels = taus(params.outcomes.quantiles)
+    return np.stack([np.interp(levels, LEVELS, row) for row in trained.quantiles]).astype(np.float32)

@@ -7,22 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from mimo.learning import rewards
-from mimo.learning.agent import JOINTS, MOVE, Agents
+from mimo.learning.agent import Agents
 from mimo.learning.experience import Experience, untaught
 from mimo.learning.rewards.reward import length
 from mimo.record import identity, streams
 from mimo.record.artifact import Dataset
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
-from mimo.world.protocol import phase, steps
+from mimo.world.protocol import JOINTS, MOVE, phase, steps
 
 Record = dict[str, Dataset]
 
@@ -75,7 +73,7 @@ class Running:
         self._count = 0
         self._mean, self._squares = np.zeros((2, seeds))  # squares: sum of squared distances from the mean
 
-    def __call__(self, values: Tensor) -> Tensor:
+    def __call__(self, values: np.ndarray) -> np.ndarray:
         """Take in a step's values and standardise them; the mean and SD are those with this step.
 
         Args:
@@ -84,7 +82,7 @@ class Running:
         Returns:
             (N, 12) float32, in SDs from the mean; 0 as long as all values are equal.
         """
-        rows = np.ascontiguousarray(values.numpy(), np.float64)
+        rows = np.ascontiguousarray(values, np.float64)
         old, new = self._count, rows.shape[1]
         self._count += new
         # Row by row, since a sum over a stack may take another order in another stack.
@@ -93,7 +91,7 @@ class Running:
         self._squares += np.array([row.var() for row in rows]) * new + ahead**2 * old * new / self._count
         deviation = np.sqrt(self._squares / self._count)[:, None]
         deviation[deviation == 0] = np.inf
-        return torch.from_numpy((rows - self._mean[:, None]) / deviation).float()
+        return ((rows - self._mean[:, None]) / deviation).astype(np.float32)
 
 
 class Experiment:
@@ -117,7 +115,6 @@ class Experiment:
         trained: Trained,
         scales: Mapping[str, float],
     ) -> None:
-        torch.set_num_threads(1)
         self.params, self.condition, self.reward, self.seeds = params, condition, reward, tuple(seeds)
 
         def generators(purpose: str) -> list[np.random.Generator]:
@@ -164,20 +161,19 @@ class Experiment:
         probability = self.agents.move_probability(values)
         chance = np.stack([generator.random(JOINTS) for generator in self._policy])
         positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
-        moved = chance < probability.numpy()
+        moved = chance < probability
         attached = phase(self.params.protocol, step) == "attached"
         outcome, transition = self.experience.step(moved, positive, attached)
         parts = [part(transition) for part in self.parts]
         scaled = parts
         if self._running:
             scaled = [running(part) for running, part in zip(self._running, parts, strict=True)]
-        reward = torch.stack([gain * part for gain, part in zip(self._gains, scaled, strict=True)]).sum(dim=0)
-        before, self.state = self.state, self._state(outcome.proprioception)
-        error = self.agents.update(before, transition.action, reward, self.state)
-        if not bool(torch.isfinite(error).all()):
-            bad = [seed for seed, row in zip(self.seeds, error, strict=True) if not bool(torch.isfinite(row).all())]
-            raise FloatingPointError(f"the TD error of seed {bad[0]} is not finite")
-        entry: dict[str, np.ndarray | Tensor] = {
+        reward: np.ndarray = np.sum([gain * part for gain, part in zip(self._gains, scaled, strict=True)], axis=0)
+        self.state = self._state(outcome.proprioception)
+        finite = np.isfinite(self.agents.update(moved, reward, self.state)).all(axis=1)
+        if not finite.all():
+            raise FloatingPointError(f"the TD error of seed {self.seeds[int(finite.argmin())]} is not finite")
+        entry = {
             "action": moved,
             "positive": positive,
             "centre_of_mass": outcome.centre_of_mass,
@@ -192,9 +188,9 @@ class Experiment:
             entry["influence"] = transition.influence[..., MOVE]
         self.log.add(step, entry)
 
-    def _state(self, proprioception: np.ndarray) -> Tensor:
-        """(N, 47 + latent): joint angles in rad, then h (paper §3.2)."""
-        return torch.cat([torch.from_numpy(proprioception).float(), self.experience.perception.latent], dim=1)
+    def _state(self, proprioception: np.ndarray) -> np.ndarray:
+        """(N, 47 + latent) float32: joint angles in rad, then h (paper §3.2)."""
+        return np.concatenate([proprioception.astype(np.float32), self.experience.perception.latent], axis=1)
 
     def _name(self) -> str:
         which = f"seed {self.seeds[0]}" if len(self.seeds) == 1 else f"seeds {', '.join(map(str, self.seeds))}"
@@ -220,9 +216,8 @@ class _Log:
         self._shape = (seeds, steps)
         self._arrays: dict[str, np.ndarray] = {}
 
-    def add(self, step: int, entry: Mapping[str, np.ndarray | Tensor]) -> None:
-        for name, given in entry.items():
-            value = np.asarray(given)
+    def add(self, step: int, entry: Mapping[str, np.ndarray]) -> None:
+        for name, value in entry.items():
             if name not in self._arrays:
                 dtype = np.uint8 if value.dtype == bool else np.float32
                 self._arrays[name] = np.zeros((*self._shape, *value.shape[1:]), dtype)

@@ -1,34 +1,32 @@
-"""What follows an action: quantile models of p(h|a) and p(h), and their distance (paper §3.4).
+"""What follows an action: quantile models of p(h|a) and p(h), and their distance (paper §3.4), as kernels.
 
-A model is a free table: for each dimension of the latent h and each tau one number, the quantile. Tables of p(h|a), one
-for each joint and action, and the table of p(h) learn from the same transitions.
-
-Several seeds learn in lock step. Each seed is computed by calls of the same shapes, so its numbers are the same bytes
-whatever its companions; and what a seed's call touches stays in the cache.
+A model is a free table: for each tau and each dimension of the latent h one number, the quantile. Tables of p(h|a), one
+for each joint and action, and the table of p(h) learn from the same transitions. Several seeds learn in lock step, each
+computed by itself: its numbers are the same bytes in any company.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from mimo.learning.agent import ACTIONS, JOINTS
+from mimo.record.kernels import ONE, Array, adamw, kernel
 from mimo.settings import params
+from mimo.world.protocol import ACTIONS, JOINTS
 
 CONDITIONAL = JOINTS * ACTIONS  # tables of p(h|a); row 2 * joint + action
 MARGINAL = CONDITIONAL  # the row of p(h), which comes last
 
 
-def taus(quantiles: int) -> Tensor:
-    """The quantiles' levels k / (quantiles + 1), paper §3.4.2: 49 of them are 0.02, 0.04, ..., 0.98."""
-    return torch.arange(1, quantiles + 1) / (quantiles + 1)
+def taus(quantiles: int) -> Array:
+    """The quantiles' levels k / (quantiles + 1), paper §3.4.2, float32: 49 of them are 0.02, 0.04, ..., 0.98."""
+    return (np.arange(1, quantiles + 1) / (quantiles + 1)).astype(np.float32)
 
 
 class Outcomes:
     """Outcome models of N seeds in lock step, which share no number."""
 
-    def __init__(self, settings: params.Outcomes, initial: Tensor, generators: Sequence[np.random.Generator]) -> None:
+    def __init__(self, settings: params.Outcomes, initial: Array, generators: Sequence[np.random.Generator]) -> None:
         """Start every table at `initial`.
 
         Args:
@@ -43,35 +41,29 @@ class Outcomes:
         if quantiles != settings.quantiles:
             raise ValueError(f"initial has {quantiles} quantiles, but outcomes.quantiles is {settings.quantiles}.")
         self._settings, self._generators, self._steps = settings, generators, 0
-        seeds, batch = len(generators), settings.batch
-        # The latent runs fastest: then a batch's h is added to a table in whole rows.
-        self._tables = initial.T.contiguous().float().repeat(seeds, MARGINAL + 1, 1, 1)
-        self._gradient = torch.zeros_like(self._tables)
-        tables = list(self._tables)
-        for table, gradient in zip(tables, self._gradient, strict=True):
-            table.grad = gradient
-        # AdamW with torch's defaults, as the paper gives its learning rate alone. The default decay draws all tables
-        # alike towards 0 by 1e-5 of their value a step, against steps of up to 1e-3: too little to matter for W1.
-        self._optimizer = torch.optim.AdamW(tables, lr=settings.learning_rate, fused=True)
-        levels = taus(quantiles).unsqueeze(-1).expand(quantiles, latent)
-        self._positive_factor, self._negative_factor = -levels / batch, (levels - 1) / batch
-        self._rows = torch.full((seeds, settings.memory, JOINTS + 1), MARGINAL)
-        self._latents = torch.zeros(seeds, settings.memory, latent)
-        self._work = torch.empty(2, batch, JOINTS + 1, quantiles, latent)
-        self._distance = torch.empty(CONDITIONAL, quantiles, latent)
+        self._kappa, self._rate = np.float32(settings.kappa), np.float32(settings.learning_rate)
+        self._levels = taus(quantiles)
+        seeds = len(generators)
+        # The latent runs fastest: then a batch's h is compared with whole rows of a table. AdamW's default decay draws
+        # all tables alike towards 0 by 1e-5 of their value a step, against steps of up to 1e-3: too little for W1.
+        self._tables = np.empty((seeds, MARGINAL + 1, quantiles, latent), np.float32)
+        self._tables[:] = initial.T
+        self._gradient, self._first, self._second = (np.zeros_like(self._tables) for _ in range(3))
+        self._rows = np.full((seeds, settings.memory, JOINTS + 1), MARGINAL)
+        self._latents = np.zeros((seeds, settings.memory, latent), np.float32)
 
     @property
-    def conditional(self) -> Tensor:
+    def conditional(self) -> Array:
         """Quantiles of p(h|a), a view (N, joint, action, latent, quantiles)."""
-        return self._tables[:, :CONDITIONAL].view(-1, JOINTS, ACTIONS, *self._tables.shape[2:]).mT
+        tables = self._tables[:, :CONDITIONAL]
+        return tables.reshape(-1, JOINTS, ACTIONS, *tables.shape[2:]).swapaxes(-1, -2)
 
     @property
-    def marginal(self) -> Tensor:
+    def marginal(self) -> Array:
         """Quantiles of p(h), a view (N, latent, quantiles)."""
-        return self._tables[:, MARGINAL].mT
+        return self._tables[:, MARGINAL].swapaxes(-1, -2)
 
-    @torch.no_grad()
-    def update(self, action: Tensor, latent: Tensor) -> None:
+    def update(self, action: Array, latent: Array) -> None:
         """Remember a transition, then take one step of AdamW on a batch of the last `memory` transitions.
 
         The batch is drawn uniformly and with replacement, so it need not hold the newest transition. The loss of a
@@ -81,7 +73,7 @@ class Outcomes:
 
         Args:
             action: (N, 12) bool, True where the joint moved.
-            latent: (N, latent), the h that followed.
+            latent: (N, latent) float32, the h that followed.
         """
         place = self._steps % self._settings.memory
         self._rows[:, place, :JOINTS] = _rows(action)
@@ -89,32 +81,14 @@ class Outcomes:
         self._steps += 1
         held = min(self._steps, self._settings.memory)
         for seed, generator in enumerate(self._generators):
-            drawn = torch.from_numpy(generator.integers(0, held, self._settings.batch))
-            self._differentiate(seed, self._rows[seed, drawn].flatten(), self._latents[seed, drawn])
-        self._optimizer.step()
+            drawn = generator.integers(0, held, self._settings.batch)
+            table, gradient = self._tables[seed], self._gradient[seed]
+            _differentiate(table, self._rows[seed, drawn], self._latents[seed, drawn], self._levels, self._kappa,
+                           gradient)  # fmt: skip
+            adamw(table.reshape(-1), gradient.reshape(-1), self._first[seed].reshape(-1),
+                  self._second[seed].reshape(-1), self._rate, self._steps)  # fmt: skip
 
-    def _differentiate(self, seed: int, rows: Tensor, latent: Tensor) -> None:
-        """Write the loss's gradient in few passes over memory.
-
-        The derivative of paper eq. quantile_loss by q is -|tau - 1(u < 0)| clip(u, -kappa, kappa), here split at u = 0.
-
-        Args:
-            seed: place in the stack.
-            rows: (batch * 13,), the tables that learn from each transition.
-            latent: (batch, latent), the h of each transition.
-        """
-        kappa = self._settings.kappa
-        u, positive = self._work
-        torch.index_select(self._tables[seed], 0, rows, out=u.flatten(0, 1))
-        y = latent[:, None, None].repeat(1, 1, u.shape[2], 1)  # whole tables: a broadcast would run row by row
-        torch.sub(y, u, out=u)
-        torch.clamp(u, 0, kappa, out=positive)
-        negative = u.clamp_(-kappa, 0)
-        terms = positive.mul_(self._positive_factor).addcmul_(negative, self._negative_factor)
-        self._gradient[seed].zero_().index_add_(0, rows, terms.flatten(0, 1))
-
-    @torch.no_grad()
-    def influence(self) -> Tensor:
+    def influence(self) -> Array:
         """Causal influence of each action, paper eq. causality_continuous: W1 of p(h|a) and p(h), mean over the latent.
 
         W1 is the mean distance of quantiles at the same level (paper eq. quantile_w2).
@@ -122,14 +96,9 @@ class Outcomes:
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of h.
         """
-        distances = []
-        for table in self._tables:
-            torch.sub(table[:CONDITIONAL], table[MARGINAL], out=self._distance)
-            distances.append(self._distance.abs_().flatten(1).mean(1))
-        return torch.stack(distances).view(-1, JOINTS, ACTIONS)
+        return np.stack([_distances(tables) for tables in self._tables]).reshape(-1, JOINTS, ACTIONS)
 
-    @torch.no_grad()
-    def expectation(self, action: Tensor) -> Tensor:
+    def expectation(self, action: Array) -> Array:
         """E[h|a] for the action of each joint (paper §3.5): the mean of its quantiles.
 
         Args:
@@ -138,10 +107,69 @@ class Outcomes:
         Returns:
             (N, 12, latent), in units of h.
         """
-        pairs = zip(self._tables, _rows(action), strict=True)
-        return torch.stack([table.mean(1)[rows] for table, rows in pairs])
+        return np.stack([_means(tables, rows) for tables, rows in zip(self._tables, _rows(action), strict=True)])
 
 
-def _rows(action: Tensor) -> Tensor:
+def _rows(action: Array) -> Array:
     """The rows of p(h|a) for actions (..., 12)."""
-    return action.long() + ACTIONS * torch.arange(JOINTS)
+    return action + ACTIONS * np.arange(JOINTS)
+
+
+@kernel
+def _differentiate(tables: Array, rows: Array, latents: Array, levels: Array, kappa: Any, gradient: Array) -> None:
+    """Write the gradient of paper eq. quantile_loss: by q it is -|tau - 1(u < 0)| clip(u, -kappa, kappa).
+
+    Args:
+        tables: (tables, quantiles, latent).
+        rows: (batch, 13), the tables that learn from each transition.
+        latents: (batch, latent), the h of each.
+        levels: (quantiles,), taus.
+        kappa: in units of h.
+        gradient: like tables.
+    """
+    gradient[:] = 0
+    batch, none = np.float32(len(rows)), np.float32(0)
+    for n in range(len(rows)):
+        h = latents[n]
+        for place in range(rows.shape[1]):
+            row = rows[n, place]
+            for k in range(len(levels)):
+                above, below = levels[k] / batch, (ONE - levels[k]) / batch
+                q, into = tables[row, k], gradient[row, k]
+                for d in range(len(h)):
+                    u = h[d] - q[d]
+                    into[d] -= above * min(max(u, none), kappa) + below * max(min(u, none), -kappa)
+
+
+@kernel
+def _distances(tables: Array) -> Array:
+    """(tables - 1,): W1 of each table and the last."""
+    quantiles, latent = tables.shape[1:]
+    found, sums = np.empty(len(tables) - 1, np.float32), np.empty(latent, np.float32)
+    for row in range(len(found)):
+        sums[:] = 0
+        for k in range(quantiles):
+            q, marginal = tables[row, k], tables[-1, k]
+            for d in range(latent):
+                sums[d] += abs(q[d] - marginal[d])
+        found[row] = sums[0]
+        for d in range(1, latent):
+            found[row] += sums[d]
+        found[row] /= np.float32(quantiles * latent)
+    return found
+
+
+@kernel
+def _means(tables: Array, rows: Array) -> Array:
+    """(rows, latent): the means of tables' quantiles."""
+    quantiles, latent = tables.shape[1:]
+    found = np.zeros((len(rows), latent), np.float32)
+    for n in range(len(rows)):
+        mean = found[n]
+        for k in range(quantiles):
+            q = tables[rows[n], k]
+            for d in range(latent):
+                mean[d] += q[d]
+        for d in range(latent):
+            mean[d] /= np.float32(quantiles)
+    return found

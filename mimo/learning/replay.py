@@ -4,14 +4,13 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from mimo.learning.experience import Perception
 from mimo.learning.rewards.reward import length
 from mimo.record import streams
 from mimo.record.artifact import Artifact, Dataset
 from mimo.settings.params import Params
-from mimo.vision.encoder import Extractor
+from mimo.vision.extractor import Extractor
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 from mimo.world.protocol import phase
@@ -54,7 +53,6 @@ def replay(
     Raises:
         DivergedError: the physics diverged.
     """
-    torch.set_num_threads(1)
     condition, seed = str(run.about["condition"]), int(run.about["seed"])
     noise = streams.generator(p.seed, condition, seed, "noise")
     worlds = Worlds(scene, p.protocol, getattr(p.conditions, condition).force, [noise])
@@ -75,7 +73,7 @@ def replay(
         seen = perception.transition(moved, path_length, eye.frames(worlds.qpos))
         found["centre_of_mass"].append(outcome.centre_of_mass[0])
         found["path_length"].append(path_length[0])
-        found["latent_length"].append(length(seen.latent - seen.latent_before).numpy()[0])
+        found["latent_length"].append(length(seen.latent - seen.latent_before)[0])
         progress(step + 1)
     record = {
         name: Dataset(np.array(values, np.float32), run.datasets[name].units, run.datasets[name].axes)

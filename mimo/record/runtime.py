@@ -40,8 +40,8 @@ KERNELS = {
     "MKL_CBWR": "COMPATIBLE",  # torch's matrix products, exp, erf, log, tanh
 }
 INSTRUCTIONS = ("avx2", "fma")
-# What `_computed` gives under KERNELS with these releases of numpy and torch.
-FINGERPRINTS = {("2.4.6", "2.13.0"): "6e41dfd488a56005"}
+# What `_computed` gives under KERNELS with these releases.
+FINGERPRINTS = {("numpy", "2.4.6"): "c7168e68fe4c3ad6", ("torch", "2.13.0"): "bd5ef02e6f733b20"}
 # Libraries that bring an LLVM of their own. Loaded after Mesa has loaded its own, they end the process with a
 # segmentation fault; before, all is well. torch's CUDA build brings triton, and loads it with its first optimiser.
 BEFORE_GL = ("triton",)
@@ -69,11 +69,14 @@ LATE = [name for name in ("numpy", "torch") if name in sys.modules]  # loaded be
 
 
 @functools.cache
-def check() -> None:
+def check(*libraries: str) -> None:
     """Make sure that this process computes as all others do; for all that makes an artifact. Takes 20 ms, once.
 
     Seen by its effect, with the releases of FINGERPRINTS; with others, by whether libraries were loaded too early. On
     other architectures nothing is promised, and nothing is checked.
+
+    Args:
+        libraries: those that compute, numpy or torch.
 
     Raises:
         KernelError: it does not.
@@ -82,14 +85,15 @@ def check() -> None:
         return
     if lacking := _lacking():
         raise KernelError(f"This processor lacks {' and '.join(lacking)}, without which results are other bytes.")
-    expected = FINGERPRINTS.get((_release("numpy"), _release("torch")))
-    if LATE if expected is None else _computed() != expected:
-        early = " and ".join(LATE) or "a library"
-        settings = " ".join(f"{name}={value}" for name, value in KERNELS.items())
-        raise KernelError(
-            f"Results would be other bytes here: {early} came before mimo, which chooses the kernels that compute. "
-            f"Import mimo first, or set {settings}."
-        )
+    for library in libraries:
+        expected = FINGERPRINTS.get((library, _release(library)))
+        if LATE if expected is None else _computed(library) != expected:
+            early = " and ".join(LATE) or "a library"
+            settings = " ".join(f"{name}={value}" for name, value in KERNELS.items())
+            raise KernelError(
+                f"Results would be other bytes here: {early} came before mimo, which chooses the kernels that compute. "
+                f"Import mimo first, or set {settings}."
+            )
 
 
 def _lacking() -> list[str]:
@@ -104,33 +108,38 @@ def _release(distribution: str) -> str:
     return importlib.metadata.version(distribution).partition("+")[0]
 
 
-def _computed() -> str:
+def _computed(library: str) -> str:
     """A hash of what differs between processors under other settings."""
+    made = hashlib.sha256()
+    for values in {"numpy": _numpy, "torch": _torch}[library]():
+        made.update(values.tobytes())
+    return made.hexdigest()[:16]
+
+
+def _numpy() -> Iterator[Any]:
+    import numpy as np
+
+    x = np.linspace(0.1, 3.0, 4096)
+    square = np.outer(x[:96], x[::-1][:96]) % 1.0
+    yield from (np.exp(x), np.log(x), np.power(x, 1.3), np.arctan2(x, x[::-1]), square @ square.T)
+
+
+def _torch() -> Iterator[Any]:
     import numpy as np
     import torch
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
-    try:
-        made = hashlib.sha256()
-        for values in _operations(np, torch):
-            made.update(np.ascontiguousarray(values).tobytes())
-        return made.hexdigest()[:16]
-    finally:
-        torch.set_num_threads(threads)
-
-
-def _operations(np: Any, torch: Any) -> Iterator[Any]:
     x = np.linspace(0.1, 3.0, 4096)
-    square = np.outer(x[:96], x[::-1][:96]) % 1.0
-    yield from (np.exp(x), np.log(x), np.power(x, 1.3), np.arctan2(x, x[::-1]), square @ square.T)
-    y, matrix = torch.from_numpy(x).float(), torch.from_numpy(square).float()
-    yield from (y.exp(), y.erf(), y.log(), y.tanh(), matrix @ matrix.T, torch.softmax(matrix, -1))
+    y = torch.from_numpy(x).float()
+    matrix = y.outer(y.flip(0))[:96, :96].frac()
     images = torch.from_numpy(np.resize(x, (2, 8, 32, 32))).float()
     kernels = torch.from_numpy(np.resize(x % 0.7, (16, 8, 3, 3))).float()
-    for batch in (images, images[:1]):
-        yield torch.nn.functional.conv2d(batch, kernels, padding=1)
-    yield torch.nn.functional.gelu(images)
+    found = [y.exp(), y.erf(), y.log(), y.tanh(), matrix @ matrix.T, torch.softmax(matrix, -1)]
+    found += [torch.nn.functional.conv2d(batch, kernels, padding=1) for batch in (images, images[:1])]
+    found += [torch.nn.functional.gelu(images)]
+    torch.set_num_threads(threads)
+    yield from (values.contiguous().numpy() for values in found)
 
 
 def renderer(model: "mujoco.MjModel", height: int, width: int) -> "mujoco.Renderer":

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mimo.world.protocol import PHASES
+from mimo.world.protocol import MOVE, PHASES
 
 GROUPS = ("attached", "others")
-MOVE = 1  # as mimo.learning.agent's, which would load torch
 ACRONYMS = ("mtl", "rtl", "cais")
 # The windows of tables.
 TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")

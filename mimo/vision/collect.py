@@ -9,6 +9,7 @@ from mimo.settings.params import Agent, Params
 from mimo.world import scene
 from mimo.world.eye import SIZE, Eye
 from mimo.world.physics import Worlds
+from mimo.world.protocol import JOINTS
 
 REGIMES = tuple((condition, attached) for condition in streams.CONDITIONS for attached in (False, True))
 
@@ -29,7 +30,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
         frames: (regime, world, step, 2, 128, 128, 3) uint8, regimes in the order of REGIMES.
         centres: (regime, world, step, 2, 3) m, the mobile's centre of mass in each frame.
     """
-    runtime.check()
+    runtime.check("numpy")
     settings = params.collect
     shape = (len(REGIMES), settings.worlds, settings.steps, 2)
     frames = np.empty((*shape, SIZE, SIZE, 3), np.uint8)
@@ -47,7 +48,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
             )
             worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
             for step in range(settings.steps):
-                chance = np.stack([draw.random((2, 12)) for draw in draws], axis=1)
+                chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
                 moved, positive = chance[0] < resting_probability(params.agent), chance[1] < 0.5
                 for frame, outcome in enumerate(worlds.pieces(moved, positive, attached, [first])):
                     centres[index, :, step, frame] = outcome.centre_of_mass

@@ -1,21 +1,18 @@
-"""The visual encoder (paper §3.2, appendix): U-Net, projector, CLTT loss, training, and the frozen extractor of h."""
+"""The visual encoder (paper §3.2, appendix): U-Net, projector, CLTT loss and training."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from mimo.record import artifact, runtime
+from mimo.record import runtime
 from mimo.settings import params
 from mimo.vision import inference
+from mimo.vision.extractor import LEVELS, Trained
 
-SCHEMA = "encoder"
 BOTTLENECK = 8  # pixels a side after four halvings of 128
-LEVELS = np.arange(1, 100) / 100.0  # probabilities at which the marginal quantiles of h are kept
 THREADS = 2  # fixed, not the machine's: sums over frames depend on it
 
 
@@ -90,25 +87,6 @@ def images(frames: np.ndarray) -> Tensor:
     return torch.from_numpy(flat).permute(0, 3, 1, 2).float().div_(255.0)
 
 
-@dataclass(frozen=True)
-class Trained:
-    """A trained encoder.
-
-    Attributes:
-        weights: every tensor of the U-Net by name.
-        mean, sd: (latent,) of raw h over the training frames.
-        quantiles: (latent, 99) of the scaled h over the training frames, at LEVELS.
-        reconstruction, cltt: (iterations,) losses of each training batch.
-    """
-
-    weights: dict[str, np.ndarray]
-    mean: np.ndarray
-    sd: np.ndarray
-    quantiles: np.ndarray
-    reconstruction: np.ndarray
-    cltt: np.ndarray
-
-
 def train(
     settings: params.Encoder,
     pairs: np.ndarray,
@@ -129,10 +107,10 @@ def train(
         FloatingPointError: a loss is not finite; names the iteration.
         KernelError: see runtime.check.
     """
-    runtime.check()
+    runtime.check("numpy", "torch")
     torch.set_num_threads(THREADS)
     torch.manual_seed(int(generator.integers(2**31)))
-    net = UNet(settings)
+    net = UNet(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # as frames come: x .75
     optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, fused=True)
     curves = np.empty((settings.iterations, 2), np.float32)
     for iteration in range(settings.iterations):
@@ -148,7 +126,7 @@ def train(
         torch.autograd.backward(reconstruction + settings.cltt_weight * cltt)
         optimiser.step()
         progress(iteration + 1)
-    weights = {name: tensor.detach().numpy().copy() for name, tensor in net.state_dict().items()}
+    weights = {name: tensor.detach().numpy().copy(order="C") for name, tensor in net.state_dict().items()}
     raw = inference.raw(inference.layers(weights), pairs.reshape(-1, *pairs.shape[2:]))
     mean, sd = raw.mean(axis=0), raw.std(axis=0)
     scaled = (raw - mean) / sd * settings.latent_sd
@@ -156,62 +134,20 @@ def train(
     return Trained(weights, mean, sd, np.ascontiguousarray(quantiles), curves[:, 0].copy(), curves[:, 1].copy())
 
 
-def _frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet:
+def frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet:
+    """The U-Net with these weights, no longer to be trained."""
     net = UNet(settings)
     net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
     net.eval().requires_grad_(False)
     return net
 
 
-def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str, float]) -> str:
-    """Write a trained encoder with what was measured of it; returns the content hash (see artifact.write)."""
-    datasets = {f"weights/{name}": artifact.Dataset(value, "1", "") for name, value in trained.weights.items()}
-    datasets |= {
-        "latent/mean": artifact.Dataset(trained.mean, "1", "dimension"),
-        "latent/sd": artifact.Dataset(trained.sd, "1", "dimension"),
-        "latent/quantiles": artifact.Dataset(trained.quantiles, "SD", "dimension, level"),
-        "curves/reconstruction": artifact.Dataset(trained.reconstruction, "squared intensity", "iteration"),
-        "curves/cltt": artifact.Dataset(trained.cltt, "nat", "iteration"),
-    }
-    datasets |= {f"measures/{name}": artifact.Dataset(np.array(value), "1", "") for name, value in measures.items()}
-    return artifact.write(path, SCHEMA, digest, datasets)
-
-
-def load(held: artifact.Artifact) -> Trained:
-    """The encoder that an artifact of schema SCHEMA holds."""
-    start = "weights/"
-    weights = {name[len(start) :]: held[name] for name in held.datasets if name.startswith(start)}
-    return Trained(
-        weights,
-        held["latent/mean"],
-        held["latent/sd"],
-        held["latent/quantiles"],
-        held["curves/reconstruction"],
-        held["curves/cltt"],
-    )
-
-
-class Extractor:
-    """The frozen encoder: pictures to h, each dimension centred and scaled to SD `latent_sd` over the training frames.
-
-    Frames pass one at a time, so that a frame's h is the same bytes in whatever company it comes. `net` is the U-Net.
-    """
-
-    def __init__(self, settings: params.Encoder, trained: Trained) -> None:
-        runtime.check()
-        self.net = _frozen(settings, trained.weights)
-        self._layers = inference.layers(trained.weights)
-        self._mean, self._gain = trained.mean, np.float32(settings.latent_sd) / trained.sd
-
-    def __call__(self, frames: np.ndarray) -> Tensor:
-        """(N, 128, 128, 3) uint8 frames to h (N, latent) float32."""
-        return torch.from_numpy((inference.raw(self._layers, frames) - self._mean) * self._gain)
-
-    def reconstruct(self, frames: np.ndarray, skips: bool = True) -> np.ndarray:
-        """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise; without skip connections, of h alone."""
-        with torch.inference_mode():
-            decoded = []
-            for frame in frames:
-                latent, passed = self.net.encode(images(frame))
-                decoded.append(self.net.decode(latent, passed if skips else [torch.zeros_like(s) for s in passed]))
-        return torch.cat(decoded).mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()
+def reconstruct(net: UNet, frames: np.ndarray, skips: bool = True) -> np.ndarray:
+    """(N, 128, 128, 3) uint8 frames to their reconstructions, likewise; without skip connections, of h alone."""
+    torch.set_num_threads(1)  # the same sums on every machine
+    with torch.inference_mode():
+        decoded = []
+        for frame in frames:
+            latent, passed = net.encode(images(frame))
+            decoded.append(net.decode(latent, passed if skips else [torch.zeros_like(s) for s in passed]))
+    return torch.cat(decoded).mul(255).round().clamp(0, 255).byte().permute(0, 2, 3, 1).numpy()

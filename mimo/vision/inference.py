@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mimo.record.kernels import Array, erf, kernel, total
+from mimo.record.kernels import Array, kernel, normal, total
 
 LAYERS = 4
 EPSILON = 1e-5  # torch's, of the variance in an instance normalisation
-ROOT_HALF, HALF, QUARTER = np.float32(0.5**0.5), np.float32(0.5), np.float32(0.25)
+QUARTER = np.float32(0.25)
 WHITE = np.float32(255)
 
 Layers = tuple[tuple[Array, ...], ...]
@@ -107,7 +107,7 @@ def _normalise(x: Array, gain: Array, shift: Array) -> None:
             row = x[c, i]
             for j in range(len(row)):
                 z = (row[j] - mean) * scale + shift[c]
-                row[j] = z * (HALF + HALF * erf(z * ROOT_HALF))
+                row[j] = z * normal(z)
 
 
 @kernel

@@ -7,11 +7,10 @@ import torch.nn.functional as F
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision import collect, encoder
+from mimo.vision.extractor import Extractor, Trained
 
 
-def measure(
-    p: Params, trained: encoder.Trained, frames: np.ndarray, centres_of_mass: np.ndarray, cut: int
-) -> dict[str, float]:
+def measure(p: Params, trained: Trained, frames: np.ndarray, centres_of_mass: np.ndarray, cut: int) -> dict[str, float]:
     """Held-out losses, and a linear probe's R² for the mobile's position.
 
     The probe is one least-squares fit of centre of mass on h over the training frames of all regimes, both of each
@@ -28,8 +27,7 @@ def measure(
         r2_<condition>_<axis>, latent_sd_<condition>_<rope> (mean over dimensions), reconstruction (squared
         intensity), cltt (nat).
     """
-    extract = encoder.Extractor(p.encoder, trained)
-    latent = extract(frames.reshape(-1, *frames.shape[4:])).numpy().reshape(*frames.shape[:4], -1)
+    latent = Extractor(p.encoder, trained)(frames.reshape(-1, *frames.shape[4:])).reshape(*frames.shape[:4], -1)
     seen = np.concatenate([latent, np.ones((*latent.shape[:4], 1))], axis=4)
     columns = seen.shape[4]
     fit = np.linalg.lstsq(seen[:, :, :cut].reshape(-1, columns), centres_of_mass[:, :, :cut].reshape(-1, 3))[0]
@@ -45,9 +43,10 @@ def measure(
         measures[f"latent_sd_{condition}_{'attached' if rope else 'detached'}"] = float(h.std(axis=(0, 1, 2)).mean())
     pairs = frames[:, :, cut:]
     pairs = pairs.reshape(-1, *pairs.shape[3:])
+    net = encoder.frozen(p.encoder, trained.weights)
     with torch.inference_mode():
         z = [
-            torch.cat([extract.net.project(extract.net.encode(encoder.images(frame))[0]) for frame in pairs[:, side]])
+            torch.cat([net.project(net.encode(encoder.images(frame))[0]) for frame in pairs[:, side]])
             for side in (0, 1)
         ]
         order = np.random.default_rng(0).permutation(len(pairs))
@@ -55,8 +54,5 @@ def measure(
         batches = [torch.from_numpy(order[i : i + size]) for i in range(0, len(order) - size + 1, size)]
         cltt = [encoder.cltt_loss(z[0][chosen], z[1][chosen], p.encoder.tau).item() for chosen in batches]
         shown = pairs[:, 0]
-        errors = [
-            F.mse_loss(extract.net.decode(*extract.net.encode(image := encoder.images(frame))), image).item()
-            for frame in shown
-        ]
+        errors = [F.mse_loss(net.decode(*net.encode(image := encoder.images(frame))), image).item() for frame in shown]
     return measures | {"reconstruction": float(np.mean(errors)), "cltt": float(np.mean(cltt))}

@@ -1,7 +1,15 @@
-"""The three phases of a run (paper §2.4)."""
+"""What an agent may do (paper §2.3), and the three phases of a run (§2.4)."""
 
-from mimo.settings.params import Protocol
+from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mimo.settings.params import Protocol
+
+JOINTS = 12  # actuated, paper appendix; named in body.ACTUATED
+ACTIONS = 2  # of each joint, paper §2.3
+NO_TORQUE, MOVE = range(ACTIONS)
 PHASES = ("baseline", "attached", "extinction")
 
 

@@ -12,7 +12,7 @@ from mimo.record import artifact
 from stages.base import paths, provenance
 
 # Kinds of artifact, as their schemas call them.
-FRAME, ENCODER, SCALE, EFFECT = "frame", "encoder", "scale", "effect"
+FRAME, ENCODER, REST, SCALE, EFFECT = "frame", "encoder", "rest", "scale", "effect"
 RUN, RESULTS, VARIANTS = "run", "results", "variants"
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from mimo.record import artifact, identity
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from mimo.world import body
 from stages import catalogue, trial
 from stages import encoder as training
@@ -125,7 +125,7 @@ def _trial() -> bytes:
     frames = artifact.read(paths.FRAMES, store.FRAME)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / paths.TRIAL.name
-        encoder.save(training.train(p, frames["frames"]), file, training.made_from(p, frames, measured=False), {})
+        extractor.save(training.train(p, frames["frames"]), file, training.made_from(p, frames, measured=False), {})
         return file.read_bytes()
 
 

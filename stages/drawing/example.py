@@ -8,14 +8,13 @@ for byte.
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from mimo.learning import rewards
 from mimo.learning.experience import Perception, untaught
 from mimo.learning.outcomes import taus
 from mimo.record import artifact, streams
 from mimo.settings import params
-from mimo.vision import collect, encoder
+from mimo.vision import collect, extractor
 from mimo.world import body
 from mimo.world.physics import Worlds
 from mimo.world.scene import Scene
@@ -61,20 +60,19 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
         frames: (regime, world, step, 2, 128, 128, 3) uint8, as mimo.vision.collect gives them.
         built: the scene.
     """
-    torch.set_num_threads(1)  # the same sums on every machine
     own = frames[collect.REGIMES.index((CONDITION, ROPE))]
     chance = np.stack([_draws(p, world, own.shape[1]) for world in range(len(own))])
     moved, positive = chance[:, :, 0] < collect.resting_probability(p.agent), chance[:, :, 1] < 0.5
     limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
     step = 1 + int(limb.argmax())  # the first has no frame before it
-    trained = encoder.load(held)
+    trained = extractor.load(held)
     outcomes = untaught(p, trained, [streams.generator(p.seed, CONDITION, 0, "memory")])
-    perception = Perception(encoder.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
+    perception = Perception(extractor.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
     for world, end in ends:
         perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:])
-    conditional, marginal = outcomes.conditional[0].numpy().copy(), outcomes.marginal[0].numpy().copy()
+    conditional, marginal = outcomes.conditional[0].copy(), outcomes.marginal[0].copy()
     path = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1])
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)
     transition = perception.transition(moved[:1, step], length, own[0, step, 1:])
@@ -86,11 +84,8 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
         transition=transition,
         conditional=conditional,
         marginal=marginal,
-        levels=taus(p.outcomes.quantiles).numpy(),
-        rewards={
-            part.name: part(transition)[0].numpy().copy()
-            for part in rewards.parts("_".join(rewards.REWARDS), p.rewards)
-        },
+        levels=taus(p.outcomes.quantiles),
+        rewards={part.name: part(transition)[0] for part in rewards.parts("_".join(rewards.REWARDS), p.rewards)},
     )
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from mimo.record import artifact
 from mimo.science import analysis
 from mimo.settings import params
-from mimo.vision import collect, encoder
+from mimo.vision import collect, encoder, extractor
 from mimo.world import scene
 from stages.drawing import example, schematics, taxonomy
 from stages.drawing.style import (
@@ -256,13 +255,12 @@ def _encoder(held: artifact.Artifact) -> Figure:
 
 def _reconstructions(p: params.Params, held: artifact.Artifact, frames: np.ndarray) -> Figure:
     """A frame of each regime that the encoder was not trained on, what it makes of it, and what it makes of h alone."""
-    torch.set_num_threads(1)  # the same sums on every machine
-    extract = encoder.Extractor(p.encoder, encoder.load(held))
+    net = encoder.frozen(p.encoder, extractor.load(held).weights)
     chosen = frames[:, 0, round(frames.shape[2] * (1 - p.collect.held_out)), 0]
     pictures = {
         "input": chosen,
-        "reconstruction": extract.reconstruct(chosen),
-        "from h alone": extract.reconstruct(chosen, skips=False),
+        "reconstruction": encoder.reconstruct(net, chosen),
+        "from h alone": encoder.reconstruct(net, chosen, skips=False),
     }
     side, height = 42.0, 136.0
     figure, ax = page(height)

@@ -16,7 +16,7 @@ from PIL import Image
 from mimo.learning.replay import replay
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.protocol import phase
@@ -50,7 +50,7 @@ class Moment:
     new: bool
 
 
-def filmed(p: params.Params, run: artifact.Artifact, trained: encoder.Trained) -> tuple[bytes, bytes]:
+def filmed(p: params.Params, run: artifact.Artifact, trained: extractor.Trained) -> tuple[bytes, bytes]:
     """The film as MP4 and its poster, a picture of late acquisition, as PNG.
 
     Args:
@@ -69,7 +69,7 @@ def filmed(p: params.Params, run: artifact.Artifact, trained: encoder.Trained) -
     *_, width, height = drawn.pixels(sheet.VIEW)
     with Eye(built) as eye, closing(Camera(built, p.protocol.limb, drawn.colour, (height, width))) as view:
         with console.Progress("Replay", max(shown) + 1, "agent steps") as progress:
-            found = replay(p, run, built, eye, encoder.Extractor(p.encoder, trained), shown, progress.update)
+            found = replay(p, run, built, eye, extractor.Extractor(p.encoder, trained), shown, progress.update)
         check(run, found.record)
         listed = list(moments(p, plan, found.positions))
 

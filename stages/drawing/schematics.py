@@ -3,17 +3,16 @@
 from itertools import accumulate, pairwise
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from mimo.learning import agent
+from mimo.learning import network as layers
 from mimo.learning.rewards import REWARDS
 from mimo.science import analysis
 from mimo.settings import params
 from mimo.world import body, eye
-from mimo.world.protocol import PHASES, steps
+from mimo.world.protocol import ACTIONS, JOINTS, PHASES, steps
 from mimo.world.scene import Scene
 from stages.drawing import camera
 from stages.drawing.style import (
@@ -36,7 +35,7 @@ from stages.drawing.style import (
 ROPE_COLOUR = "#d62020"
 NO_TORQUE, MOVE = "NO_TORQUE", "MOVE"
 
-Layer = agent.Linear | agent.LayerNorm | agent.Residual
+Layer = layers.Linear | layers.LayerNorm | layers.Residual
 
 
 def setting(p: params.Params, built: Scene, seen: np.ndarray) -> Figure:
@@ -89,9 +88,9 @@ def _loop(ax: Axes, p: params.Params) -> None:
     for row, reward in enumerate(REWARDS):
         note(ax, (149, middle + half - 7.5 - 4 * row), analysis.label(reward), color=COLOURS.get(reward, OTHER_COLOUR))
     arrow(ax, (149, middle - half), (149, bottom))
-    note(ax, (150, middle - half - 6), f"$R_t$ ({agent.JOINTS})", ha="left")
+    note(ax, (150, middle - half - 6), f"$R_t$ ({JOINTS})", ha="left")
     arrow(ax, (171, bottom), (171, top))
-    note(ax, (175.5, middle), f"action $a_t$\n{agent.JOINTS} × {{{NO_TORQUE}, {MOVE}}}", rotation=90)
+    note(ax, (175.5, middle), f"action $a_t$\n{JOINTS} × {{{NO_TORQUE}, {MOVE}}}", rotation=90)
     arrow(ax, (171, middle), (159, middle))
     note(ax, (165, middle + 2.5), "$a_t$")
 
@@ -134,7 +133,7 @@ def _torques(ax: Axes, p: params.Params, built: Scene) -> None:
     """What each joint may be given; those of the rope's limb in bold."""
     left, right, top, line = 112.0, 179.0, 48.0, 3.15
     held, first = body.attached(p.protocol.limb), top - 8.8
-    for y in (top, top - 6.8, first - (agent.JOINTS - 0.4) * line):
+    for y in (top, top - 6.8, first - (JOINTS - 0.4) * line):
         ax.plot((left, right), (y, y), color=INK, lw=0.6)
     note(ax, (left + 1, top - 3.4), "joint", ha="left")
     note(ax, (146, top - 3.4), NO_TORQUE)
@@ -154,8 +153,8 @@ def network(p: params.Params) -> Figure:
     """
     sizes = {"$s_t$": len(body.JOINTS), "$h_t$": p.encoder.latent}
     inputs = sum(sizes.values())
-    count = agent.Network.size(inputs, p.agent.hidden)
-    net = agent.Network.over(torch.empty(1, count), inputs, p.agent.hidden)
+    count = layers.size(inputs, p.agent.hidden)
+    net = layers.over(np.empty(count), inputs, p.agent.hidden)
     figure, ax = page(64.0)
     y, width, gap = 51.0, 17.0, 3.0
     for (symbol, size), name, up in zip(sizes.items(), ("joint angles", "visual latent"), (7, -7), strict=True):
@@ -163,21 +162,21 @@ def network(p: params.Params) -> Figure:
         arrow(ax, (23, y + up), (27, y + up), (27, y), (35, y))
     note(ax, (30.5, y + 2.5), str(inputs))
     x = 43.5
-    layers: list[Layer] = [net.inlet, net.inlet_norm, *net.residuals, net.outlet_norm, net.outlet]
-    for layer in layers:
+    chain: list[Layer] = [net.inlet, net.inlet_norm, *net.residuals, net.outlet_norm, net.outlet]
+    for layer in chain:
         box(ax, (x, y), (width, 10), _named(layer), GROUND)
         arrow(ax, (x + width / 2, y), (x + width / 2 + gap, y))
         x += width + gap
-    box(ax, (x, y), (width, 10), f"Q values\n{agent.JOINTS} × {agent.ACTIONS}")
-    chain = (f"Boltzmann policy,\ntemperature {p.agent.temperature:g}", f"P({MOVE})\n({agent.JOINTS})")
+    box(ax, (x, y), (width, 10), f"Q values\n{JOINTS} × {ACTIONS}")
+    policy = (f"Boltzmann policy,\ntemperature {p.agent.temperature:g}", f"P({MOVE})\n({JOINTS})")
     arrow(ax, (x, y - 5), (x, y - 16))
     bias = f"{p.agent.move_bias:+g}".replace("-", "− ").replace("+", "+ ")
     note(ax, (x - 1.5, y - 10.5), f"Q({MOVE}) {bias}", ha="right")
-    for up, text in zip((-21, -35), chain, strict=True):
+    for up, text in zip((-21, -35), policy, strict=True):
         box(ax, (x, y + up), (width + 8, 10), text)
     arrow(ax, (x, y - 26), (x, y - 30))
     arrow(ax, (x - 12.5, y - 35), (x - 22, y - 35))
-    box(ax, (x - 38, y - 35), (32, 10), f"action $a_t$: {agent.JOINTS} ×\n{NO_TORQUE} or {MOVE}")
+    box(ax, (x - 38, y - 35), (32, 10), f"action $a_t$: {JOINTS} ×\n{NO_TORQUE} or {MOVE}")
     _residual(ax, net.residuals[0], (1, 11))
     learning = f"Expected SARSA ($\\gamma$ = {p.agent.gamma:g}), AdamW (learning rate {p.agent.learning_rate:g})"
     note(ax, (1, 5), f"{count} parameters; {learning}", ha="left")
@@ -186,15 +185,15 @@ def network(p: params.Params) -> Figure:
 
 def _named(layer: Layer) -> str:
     """A layer's name and its sizes, of inputs and outputs where they differ."""
-    if isinstance(layer, agent.Linear):
-        _, outputs, inputs = layer.weight.shape
+    if isinstance(layer, layers.Linear):
+        outputs, inputs = layer.weight.shape
         return f"Linear\n{inputs} → {outputs}"
-    if isinstance(layer, agent.LayerNorm):
+    if isinstance(layer, layers.LayerNorm):
         return f"LayerNorm\n{layer.weight.shape[-1]}"
     return f"Residual\n{layer.norm.weight.shape[-1]}"
 
 
-def _residual(ax: Axes, layer: agent.Residual, corner: Place) -> None:
+def _residual(ax: Axes, layer: layers.Residual, corner: Place) -> None:
     """What a residual layer is made of."""
     x, y = corner
     ax.add_patch(Rectangle(corner, 96, 22, fc="none", ec=OTHER_COLOUR, lw=0.6, ls=":"))

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mimo.learning import agent
 from mimo.science import analysis
 from mimo.settings import params
 from mimo.world import body
+from mimo.world.protocol import MOVE
 from stages.drawing.example import Example
 from stages.drawing.style import (
     COLOURS,
@@ -85,12 +85,12 @@ def _rtl(figure: Figure, page: Axes, low: float, shown: Example) -> None:
     for x, frame, symbol in zip((4, 28), shown.frames, ("$h_{t-1}$", "$h_t$"), strict=True):
         picture(inset(figure, (x, low + 11), 20, 20), frame)
         note(page, (x + 10, low + 8.5), f"encoder → {symbol}")
-    before, after = (h[0].numpy() for h in (shown.transition.latent_before, shown.transition.latent))
+    before, after = (h[0] for h in (shown.transition.latent_before, shown.transition.latent))
     _dimensions(_plot(figure, MIDDLE, low), COLOURS["rtl"], before, after, "$h_{t-1}$ to $h_t$")
 
 
 def _cais(figure: Figure, low: float, p: params.Params, shown: Example, joint: int) -> None:
-    colour, given = COLOURS["cais"], shown.conditional[joint, agent.MOVE]
+    colour, given = COLOURS["cais"], shown.conditional[joint, MOVE]
     dimension = int(np.abs(given - shown.marginal).mean(axis=1).argmax())
     ax = _plot(figure, LEFT, low)
     ax.plot(shown.marginal[dimension], shown.levels, color=INK, ls="--", label="$p(h)$")
@@ -98,7 +98,7 @@ def _cais(figure: Figure, low: float, p: params.Params, shown: Example, joint: i
     ax.fill_betweenx(shown.levels, shown.marginal[dimension], given[dimension], color=colour, alpha=0.25, lw=0)
     _levels(ax, dimension)
     assert shown.transition.influence is not None
-    influence = shown.transition.influence[0, :, agent.MOVE].numpy()
+    influence = shown.transition.influence[0, :, MOVE]
     ax = _plot(figure, MIDDLE, low)
     for group, (limb, joints) in enumerate(body.LIMB_JOINTS.items()):
         values = [influence[body.ACTUATED.index(name)] for name in joints]
@@ -112,7 +112,7 @@ def _cais(figure: Figure, low: float, p: params.Params, shown: Example, joint: i
 def _surprise(figure: Figure, low: float, shown: Example, joint: int) -> None:
     colour, action = COLOURS["surprise"], int(shown.transition.action[0, joint])
     assert shown.transition.expectation is not None
-    expected, found = shown.transition.expectation[0, joint].numpy(), shown.transition.latent[0].numpy()
+    expected, found = shown.transition.expectation[0, joint], shown.transition.latent[0]
     dimension = int(np.abs(found - expected).argmax())
     ax = _plot(figure, LEFT, low)
     ax.plot(shown.conditional[joint, action, dimension], shown.levels, color=COLOURS["cais"], label="$p(h|a)$")

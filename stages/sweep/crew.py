@@ -1,6 +1,6 @@
 """Who computes: this process, a Ray of this machine's own, or the cluster at RAY_ADDRESS. All Ray code is here.
 
-Ray's processes import this module, and torch only once they compute.
+Ray's processes import this module, and what computes only once they do.
 """
 
 import argparse
@@ -255,7 +255,7 @@ def _other(versions: Mapping[str, str]) -> str:
     if found:
         return f"{node} has {', '.join(found)}"
     try:
-        runtime.check()
+        runtime.check("numpy")
     except runtime.KernelError as fault:
         return f"{node}: {fault}"
     return ""

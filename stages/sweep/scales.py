@@ -1,44 +1,76 @@
-"""The rewards' scales as an artifact: of the published params or, under another digest, of a variant's."""
+"""The rewards' scales as an artifact: of the published params or, under another digest, of a variant's.
 
-from collections.abc import Callable
+Those that differ in rewards and outcome models alone are measured on one record of the resting policy.
+"""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mimo.learning import calibrate, rewards
+from mimo.learning import calibrate, resting, rewards
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
-from mimo.vision import encoder
+from mimo.vision.extractor import Trained
 from stages.base import store
 
 
 def digest(p: Params, encoder_hash: str) -> identity.Digest:
     """The digest of all that the scales depend on, under which the store keeps them."""
+    own: dict[str, object] = {
+        "outcomes": p.outcomes.model_dump(),
+        "rewards": {name: own for name, own in p.rewards.model_dump().items() if name not in ("gain", "scale")},
+    }
+    modules = ("mimo.learning.calibrate", *rewards.modules("_".join(rewards.REWARDS)))
+    return _digest(p, encoder_hash, own, modules)
+
+
+def rest_digest(p: Params, encoder_hash: str) -> identity.Digest:
+    """The digest of all that the resting policy's record depends on."""
+    return _digest(p, encoder_hash, {}, ("mimo.learning.resting",))
+
+
+def _digest(p: Params, encoder_hash: str, own: dict[str, object], modules: Sequence[str]) -> identity.Digest:
     inputs = {
-        "params": {name: getattr(p, name).model_dump() for name in ("world", "outcomes", "calibrate")}
+        "params": {name: getattr(p, name).model_dump() for name in ("world", "calibrate")}
         | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
         | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
-        | {"rewards": {name: own for name, own in p.rewards.model_dump().items() if name not in ("gain", "scale")}}
         | {
             "seed": p.seed,
             "force": p.conditions.free.force,
             "move_bias": p.agent.move_bias,
             "temperature": p.agent.temperature,
-        },
+        }
+        | own,
         "encoder": encoder_hash,
-        "code": identity.code("mimo.learning.calibrate", *rewards.modules("_".join(rewards.REWARDS))),
+        "code": identity.code(*modules),
         "versions": identity.versions(),
     }
     return identity.Digest(inputs)
 
 
-def measure(
-    p: Params, trained: encoder.Trained, encoder_hash: str, progress: Callable[[int], None] = lambda steps: None
+def record(
+    p: Params, trained: Trained, encoder_hash: str, progress: Callable[[int], None] = lambda steps: None
 ) -> bytes:
-    """The scales' file, measured.
+    """The file of the resting policy's record.
+
+    Raises:
+        DivergedError: the physics diverged.
+    """
+    found = resting.record(p, trained, progress)
+    datasets = {
+        "action": artifact.Dataset(found.action.astype(np.uint8), "1 = MOVE", "step, world, joint"),
+        "path_length": artifact.Dataset(found.path_length, "m", "step, world"),
+        "latent": artifact.Dataset(found.latent, "h", "step, world, dimension"),
+    }
+    return artifact.to_bytes(store.REST, rest_digest(p, encoder_hash), datasets)
+
+
+def measure(p: Params, trained: Trained, encoder_hash: str, held: artifact.Artifact) -> bytes:
+    """The scales' file, measured on a record of the resting policy.
 
     Raises:
         FloatingPointError: a reward does not vary, so that it has no scale.
     """
-    found = calibrate.scales(p, trained, progress)
+    found = calibrate.scales(p, trained, resting.Rest(held["action"] > 0, held["path_length"], held["latent"]))
     datasets = {name: artifact.Dataset(np.array(value), "own units", "") for name, value in found.items()}
     return artifact.to_bytes(store.SCALE, digest(p, encoder_hash), datasets)

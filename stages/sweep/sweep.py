@@ -14,7 +14,7 @@ import numpy as np
 from mimo.learning import experiment
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
-from mimo.vision import encoder
+from mimo.vision import extractor
 from mimo.world import protocol
 from stages.base import console, paths, store
 from stages.sweep import crew
@@ -52,9 +52,9 @@ def scales(path: Path, digest: str | None = None) -> dict[str, float]:
     return {name: float(data.values) for name, data in artifact.read(path, store.SCALE, digest).datasets.items()}
 
 
-def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> encoder.Trained:
+def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> extractor.Trained:
     """The encoder, made with `latent_sd`, for `p`: h's quantiles come in units of the `latent_sd` of `p`."""
-    found = encoder.load(held)
+    found = extractor.load(held)
     return replace(found, quantiles=found.quantiles * np.float32(p.encoder.latent_sd / latent_sd))
 
 
@@ -81,7 +81,7 @@ def write_manifest(path: Path, listed: list[Run]) -> None:
 
 def wanted(job: Job) -> list[Run]:
     """All runs of the job, by variant, condition, reward and seed."""
-    encoder_hash = store.sight(artifact.from_bytes(job.encoder, encoder.SCHEMA, source=paths.ENCODER))
+    encoder_hash = store.sight(artifact.from_bytes(job.encoder, extractor.SCHEMA, source=paths.ENCODER))
     return [
         run
         for variant, grid in job.grids.items()
@@ -154,7 +154,7 @@ def work(job: Job, chunk: Chunk, report: crew.Report) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
     grid, condition, reward = job.grids[first.variant], first.condition, first.reward
-    held = artifact.from_bytes(job.encoder, encoder.SCHEMA)
+    held = artifact.from_bytes(job.encoder, extractor.SCHEMA)
     seeds = [run.seed for run in chunk.runs]
     if runs_of(job, store.sight(held), first.variant, condition, reward, seeds) != list(chunk.runs):
         raise console.StageError("the code or the libraries changed after the sweep began; run it again")

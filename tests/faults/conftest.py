@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mimo.settings.params import Params
-    from mimo.vision.encoder import Trained
+    from mimo.vision.extractor import Trained
     from tests.faults.running import Run
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ from mimo.learning.rewards import REWARDS
 from mimo.settings import params, studies
 from mimo.settings.params import Params
 from mimo.vision import encoder
-from mimo.vision.encoder import Trained
+from mimo.vision.extractor import Trained
 from mimo.world import scene
 
 Run = Callable[[Params], None]

@@ -16,8 +16,8 @@ import yaml
 from mimo.learning.experiment import Experiment, inputs
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
-from mimo.vision import encoder
-from mimo.vision.encoder import Trained
+from mimo.vision import extractor
+from mimo.vision.extractor import Trained
 from stages.base import paths, store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,10 +39,10 @@ def files(
             about: dict[str, str | int | float] = {"condition": "free", "reward": reward, "seed": seed}
             artifact.write(path, store.RUN, digest(tiny, reward, seed, scales), record, about)
             found[path] = store.RUN
-    encoder.save(trained, folder / paths.ENCODER, identity.Digest({"trained": "by a test"}), {})
+    extractor.save(trained, folder / paths.ENCODER, identity.Digest({"trained": "by a test"}), {})
     own = {name: artifact.Dataset(np.array(value), "own units", "") for name, value in scales.items()}
     artifact.write(folder / paths.SCALES, store.SCALE, identity.Digest({"measured": "by a test"}), own)
-    return found | {folder / paths.ENCODER: encoder.SCHEMA, folder / paths.SCALES: store.SCALE}
+    return found | {folder / paths.ENCODER: extractor.SCHEMA, folder / paths.SCALES: store.SCALE}
 
 
 def digest(p: Params, reward: str, seed: int, scales: dict[str, float]) -> identity.Digest:

@@ -10,7 +10,7 @@ import torch
 from mimo.learning.experiment import Experiment, Record, RunError
 from mimo.settings.params import Params
 from mimo.vision import encoder
-from mimo.vision.encoder import Trained
+from mimo.vision.extractor import Trained
 
 
 def test_a_nan_in_one_seed_stops_its_run_and_touches_no_other(

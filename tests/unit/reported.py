@@ -10,7 +10,7 @@ import yaml
 from mimo.record import artifact
 from mimo.record.artifact import Dataset
 from mimo.settings import params, studies
-from mimo.vision import encoder
+from mimo.vision import extractor
 from mimo.world import body
 from stages import analyse, claims, compare, explore, figures, report
 from stages import studies as beyond
@@ -38,7 +38,7 @@ EFFECTS = {
 }  # fmt: skip
 
 
-def make(tiny: params.Params, frames: np.ndarray, trained: encoder.Trained) -> None:
+def make(tiny: params.Params, frames: np.ndarray, trained: extractor.Trained) -> None:
     """Fill the working directory: settings, runs, encoder, and what the stages made of them.
 
     Args:
@@ -64,7 +64,7 @@ def make(tiny: params.Params, frames: np.ndarray, trained: encoder.Trained) -> N
     for variant, condition in (("gain_1", "free"), ("heavy", "noisy")):
         list_runs(condition, "mtl", paths.variant_manifest(variant), variant)
         shutil.copytree(paths.RUNS / condition / "mtl", paths.VARIANTS / variant / condition / "mtl")
-    encoder.save(trained, paths.ENCODER, "trained by a test", MEASURES)
+    extractor.save(trained, paths.ENCODER, "trained by a test", MEASURES)
     held = {"frames": Dataset(frames, "1", "regime, world, step, frame, row, column, colour")}
     artifact.write(paths.FRAMES, store.FRAME, "collected by a test", held)
     scale = {"mtl": Dataset(np.array(0.008), "m", "")}

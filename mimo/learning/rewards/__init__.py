@@ -1,8 +1,7 @@
 """The intrinsic rewards (paper §3.3 to §3.5), a file each.
 
 To add one, put a file here with a subclass of Reward: params.yaml then accepts its name, alone or joined to others by
-`_`. These files load without torch, and without params.py, which reads the rewards: a section is made from
-`mimo.settings.section`.
+`_`. These files load without params.py, which reads the rewards: a section is made from `mimo.settings.section`.
 """
 
 import importlib

@@ -1,14 +1,12 @@
 """Causal action influence score (paper §3.4)."""
 
-from __future__ import annotations
+from typing import Literal
 
-from typing import TYPE_CHECKING, Literal
+import numpy as np
 
 from mimo.learning.rewards.reward import Reward, Transition
 from mimo.settings.section import Section
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from mimo.world.protocol import MOVE, NO_TORQUE
 
 
 class CAIS(Reward):
@@ -22,10 +20,8 @@ class CAIS(Reward):
 
         pays: Literal["move", "taken"]
 
-    def __call__(self, t: Transition) -> Tensor:
+    def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
         assert t.influence is not None, "CAIS needs the influence of actions"
-        rest, move = t.influence.unbind(-1)
-        if self.constants.pays == "move":
-            rest = rest.new_zeros(())
-        return move.where(t.action, rest)
+        of_rest = t.influence[..., NO_TORQUE] if self.constants.pays == "taken" else np.float32(0)
+        return np.where(t.action, t.influence[..., MOVE], of_rest)

@@ -1,13 +1,8 @@
 """Mobile trajectory length (paper §3.3)."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+import numpy as np
 
 from mimo.learning.rewards.reward import Reward, Transition
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 
 class MTL(Reward):
@@ -15,6 +10,6 @@ class MTL(Reward):
 
     name = "mtl"
 
-    def __call__(self, t: Transition) -> Tensor:
+    def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
-        return t.path_length.unsqueeze(-1).expand(t.action.shape)
+        return np.broadcast_to(t.path_length[:, None], t.action.shape)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from mimo.settings.section import Section
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 REWARDS: dict[str, type[Reward]] = {}
 
 
 @dataclass(frozen=True)
 class Transition:
-    """What an agent step of N seeds has shown by its end.
+    """What an agent step of N seeds has shown by its end; numbers are float32.
 
     Attributes:
         path_length: (N,), metres the mobile's centre of mass travelled during the step.
@@ -26,12 +25,12 @@ class Transition:
         expectation: (N, 12, latent), E[h|a] of each joint's action; None without outcome models.
     """
 
-    path_length: Tensor
-    latent_before: Tensor
-    latent: Tensor
-    action: Tensor
-    influence: Tensor | None = None
-    expectation: Tensor | None = None
+    path_length: np.ndarray
+    latent_before: np.ndarray
+    latent: np.ndarray
+    action: np.ndarray
+    influence: np.ndarray | None = None
+    expectation: np.ndarray | None = None
 
 
 class Reward:
@@ -61,14 +60,12 @@ class Reward:
         """Keep the reward's own section, or None."""
         self.constants = constants
 
-    def __call__(self, t: Transition) -> Tensor:
+    def __call__(self, t: Transition) -> np.ndarray:
         """The reward (N, 12) of each joint for the step."""
         raise NotImplementedError
 
 
-def length(x: Tensor) -> Tensor:
-    """Euclidean length over the last dimension; torch's square root is another on another vendor's processor."""
-    import torch  # late: see the package
-
-    found: Tensor = torch.linalg.vector_norm(x, dim=-1)
+def length(x: np.ndarray) -> np.ndarray:
+    """Euclidean length over the last dimension."""
+    found: np.ndarray = np.linalg.norm(x, axis=-1)
     return found

@@ -1,13 +1,8 @@
 """Representation trajectory length (paper §3.3, §4)."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+import numpy as np
 
 from mimo.learning.rewards.reward import Reward, Transition, length
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 
 class RTL(Reward):
@@ -15,6 +10,6 @@ class RTL(Reward):
 
     name = "rtl"
 
-    def __call__(self, t: Transition) -> Tensor:
+    def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
-        return length(t.latent - t.latent_before).unsqueeze(-1).expand(t.action.shape)
+        return np.broadcast_to(length(t.latent - t.latent_before)[:, None], t.action.shape)

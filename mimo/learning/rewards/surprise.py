@@ -1,14 +1,11 @@
 """Surprise: violation of the expectation (paper §3.5)."""
 
-from __future__ import annotations
+from typing import Literal
 
-from typing import TYPE_CHECKING, Literal
+import numpy as np
 
 from mimo.learning.rewards.reward import Reward, Transition, length
 from mimo.settings.section import Section
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 
 class Surprise(Reward):
@@ -22,8 +19,8 @@ class Surprise(Reward):
 
         pays: Literal["move", "taken"]
 
-    def __call__(self, t: Transition) -> Tensor:
+    def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
         assert t.expectation is not None, "Surprise needs the expected outcome of actions"
-        error = length(t.latent.unsqueeze(-2) - t.expectation)
-        return error.where(t.action, error.new_zeros(())) if self.constants.pays == "move" else error
+        error = length(t.latent[:, None] - t.expectation)
+        return np.where(t.action, error, np.float32(0)) if self.constants.pays == "move" else error

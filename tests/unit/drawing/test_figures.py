@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import collect, encoder
+from mimo.vision import collect, extractor
 from mimo.world import body, scene
 from stages.drawing import camera, example, schematics, style, taxonomy
 
@@ -31,7 +31,7 @@ def shown(
     path = tmp_path_factory.mktemp("example") / "encoder.h5"
     path.write_bytes(encoder_file)
     built = scene.build(tiny.world, tiny.protocol)
-    return example.take(tiny, artifact.read(path, encoder.SCHEMA), collected[0], built)
+    return example.take(tiny, artifact.read(path, extractor.SCHEMA), collected[0], built)
 
 
 def test_every_reward_of_the_paper_has_a_colour_of_its_own(tiny: params.Params):

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import encoder, extractor
 from stages.base import origin, paths, store
 from stages.drawing import figures
 from stages.page import captions
@@ -20,9 +20,9 @@ ROOT = Path(__file__).resolve().parents[3]
 REDRAWN = ("fig1", "fig3", "reconstructions")  # with text, curves and images; the others take long and have the same
 REDRAW = """
 import sys
-from mimo.record import artifact; from mimo.vision import encoder; from mimo.settings import params
+from mimo.record import artifact; from mimo.vision import encoder, extractor; from mimo.settings import params
 from stages.drawing import figures; from stages.base import paths, store
-results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, encoder.SCHEMA)
+results, held = artifact.read(paths.RESULTS, store.RESULTS), artifact.read(paths.ENCODER, extractor.SCHEMA)
 plan = figures.plan(params.load(), results, held, artifact.read(paths.FRAMES, store.FRAME)["frames"])
 for name in sys.argv[1:]:
     for kind, data in figures.files(plan[name]).items():
@@ -49,7 +49,7 @@ def test_figures_are_the_same_bytes_in_another_process_whatever_the_users_matplo
 def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project: Path, tiny: params.Params):
     svg = (project / paths.FIGURES / "reconstructions.svg").read_bytes()
     assert len(svg) < 400_000  # a trained encoder leaves less noise, and 200 kB
-    held = artifact.read(project / paths.ENCODER, encoder.SCHEMA)
+    held = artifact.read(project / paths.ENCODER, extractor.SCHEMA)
     frames = artifact.read(project / paths.FRAMES, store.FRAME)["frames"]
     figure = figures._reconstructions(tiny, held, frames)
     images = [np.asarray(ax.images[0].get_array()) for ax in figure.axes if ax.images]
@@ -65,7 +65,7 @@ def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project:
 
 
 def test_from_the_latent_alone_nothing_else_of_the_frame_counts(project: Path, tiny: params.Params):
-    extract = encoder.Extractor(tiny.encoder, encoder.load(artifact.read(paths.ENCODER, encoder.SCHEMA)))
+    extract = extractor.Extractor(tiny.encoder, extractor.load(artifact.read(paths.ENCODER, extractor.SCHEMA)))
     frame = artifact.read(paths.FRAMES, store.FRAME)["frames"][0, 0, :1, 0]
     h, skips = extract.net.encode(encoder.images(frame))
     expected = extract.net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()

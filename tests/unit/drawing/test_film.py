@@ -21,7 +21,8 @@ from mimo.record.artifact import Artifact
 from mimo.science import analysis
 from mimo.settings import params
 from mimo.settings.params import Params
-from mimo.vision.encoder import LEVELS, Extractor, Trained, UNet
+from mimo.vision.encoder import UNet
+from mimo.vision.extractor import LEVELS, Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.scene import Scene

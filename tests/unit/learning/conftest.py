@@ -7,7 +7,7 @@ import pytest
 from mimo.learning.experiment import Experiment, Record
 from mimo.settings import params
 from mimo.settings.params import Params
-from mimo.vision.encoder import Trained
+from mimo.vision.extractor import Trained
 from tests.unit.learning.recorded import Records, Runs, arrays
 
 

@@ -9,7 +9,7 @@ import torch
 from mimo.learning import calibrate, rewards
 from mimo.record import streams
 from mimo.settings.params import Params
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds

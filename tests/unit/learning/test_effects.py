@@ -19,7 +19,7 @@ from mimo.record import streams
 from mimo.settings import params, studies
 from mimo.settings.params import Params
 from mimo.settings.studies import Effects
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds

@@ -12,7 +12,7 @@ from mimo.learning.outcomes import Outcomes
 from mimo.learning.rewards import Transition
 from mimo.record import streams
 from mimo.settings.params import Params
-from mimo.vision.encoder import Extractor, Trained
+from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds

@@ -11,7 +11,7 @@ import pytest
 from mimo.learning.experiment import Experiment
 from mimo.record import identity, streams
 from mimo.settings.params import Params
-from mimo.vision.encoder import Trained
+from mimo.vision.extractor import Trained
 from mimo.world.physics import Worlds
 from tests.unit.learning.recorded import ALL, STEPS, Records, Runs, file
 
@@ -20,9 +20,9 @@ import hashlib, json, sys
 from mimo.learning import experiment
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
+from mimo.vision import extractor
 settings = params.Params.model_validate_json(sys.argv[1])
-trained = encoder.load(artifact.read(sys.argv[2], encoder.SCHEMA))
+trained = extractor.load(artifact.read(sys.argv[2], extractor.SCHEMA))
 scales = json.loads(sys.argv[3])
 for reward in ("mtl", "cais_surprise"):
     record = experiment.Experiment(settings, "noisy", reward, [1, 0], trained, scales).run()[0]

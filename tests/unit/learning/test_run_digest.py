@@ -10,7 +10,7 @@ from mimo.record import identity, streams
 from mimo.settings import params
 from mimo.settings.params import Params
 from mimo.settings.section import Section
-from mimo.vision.encoder import Trained
+from mimo.vision.extractor import Trained
 from tests.unit.learning.recorded import ALL
 
 P = params.load()

@@ -11,7 +11,7 @@ import pytest
 
 from mimo.record import runtime
 from mimo.settings.params import Params
-from mimo.vision import collect, encoder
+from mimo.vision import collect, encoder, extractor
 
 ROOT = Path(__file__).parents[3]
 TRITON = ROOT / ".venv/triton"  # `make .venv/triton`
@@ -113,7 +113,7 @@ def test_environments_draw_in_forks(script: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-CHECK = "from mimo.record import runtime\nruntime.check()\nprint('the same')"
+CHECK = "from mimo.record import runtime\nruntime.check('numpy', 'torch')\nprint('the same')"
 
 
 def test_a_process_that_loads_mimo_first_computes_as_all_do() -> None:
@@ -147,14 +147,14 @@ def test_a_processor_without_the_instructions_is_refused(monkeypatch: pytest.Mon
 
 
 def test_what_computes_checks_first(monkeypatch: pytest.MonkeyPatch, tiny: Params, pairs: np.ndarray) -> None:
-    def refuse() -> None:
+    def refuse(*libraries: str) -> None:
         raise runtime.KernelError("no")
 
     trained = encoder.train(tiny.encoder, pairs, np.random.default_rng(0))
     monkeypatch.setattr(runtime, "check", refuse)
     for compute in (
         lambda: encoder.train(tiny.encoder, pairs, np.random.default_rng(0)),
-        lambda: encoder.Extractor(tiny.encoder, trained),
+        lambda: extractor.Extractor(tiny.encoder, trained),
         lambda: collect.collect(tiny),
     ):
         with pytest.raises(runtime.KernelError):

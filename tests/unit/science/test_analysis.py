@@ -28,11 +28,11 @@ def record(steps: int = 4) -> dict[str, np.ndarray]:
 
 def test_the_constants_shared_with_modules_that_load_torch_agree():
     from mimo.learning import agent
-    from mimo.vision import encoder
+    from mimo.vision import extractor
     from stages.base import store
 
     assert agent.MOVE == analysis.MOVE
-    assert store.ENCODER == encoder.SCHEMA
+    assert store.ENCODER == extractor.SCHEMA
 
 
 def test_curves_are_means_over_the_attached_limbs_joints_and_the_other_nine():

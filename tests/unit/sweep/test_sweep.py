@@ -13,7 +13,7 @@ import pytest
 from mimo.learning import experiment
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
-from mimo.vision.encoder import SCHEMA, Trained
+from mimo.vision.extractor import SCHEMA, Trained
 from stages.base import console, paths, store
 from stages.sweep import crew, sweep
 from stages.sweep.schedule import Chunk, Run

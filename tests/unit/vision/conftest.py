@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from mimo.settings import params
-from mimo.vision.encoder import Trained, train
+from mimo.vision.encoder import train
+from mimo.vision.extractor import Trained
 
 
 @pytest.fixture(autouse=True)

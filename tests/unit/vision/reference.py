@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from mimo.settings import params
-from mimo.vision.encoder import Trained, UNet
+from mimo.vision.encoder import UNet
+from mimo.vision.extractor import Trained
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:

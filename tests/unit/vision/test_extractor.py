@@ -8,8 +8,9 @@ import torch
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import encoder
-from mimo.vision.encoder import Extractor, Trained, images
+from mimo.vision import extractor
+from mimo.vision.encoder import images
+from mimo.vision.extractor import Extractor, Trained
 from tests.unit.vision.reference import fingerprint, untrained
 
 SETTINGS = params.load().encoder
@@ -85,11 +86,11 @@ def test_without_skips_a_reconstruction_is_of_h_alone(learned: Trained, brief: p
 
 
 def test_an_artifact_gives_the_same_h(learned: Trained, brief: params.Encoder, few: np.ndarray, tmp_path: Path) -> None:
-    content = encoder.save(learned, tmp_path / "encoder.h5", "d" * 64, {"r2_free_x": 0.5})
-    held = artifact.read(tmp_path / "encoder.h5", encoder.SCHEMA, "d" * 64)
+    content = extractor.save(learned, tmp_path / "encoder.h5", "d" * 64, {"r2_free_x": 0.5})
+    held = artifact.read(tmp_path / "encoder.h5", extractor.SCHEMA, "d" * 64)
     assert held.content == content
     assert held["measures/r2_free_x"] == 0.5
-    again = encoder.load(held)
+    again = extractor.load(held)
     assert fingerprint(again) == fingerprint(learned)
     frames = few.reshape(-1, 128, 128, 3)
     assert Extractor(brief, again)(frames).numpy().tobytes() == Extractor(brief, learned)(frames).numpy().tobytes()

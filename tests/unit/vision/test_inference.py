@@ -11,9 +11,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import special
 
-from mimo.record import kernels
 from mimo.settings import params
 from mimo.vision import encoder, inference
 
@@ -59,13 +57,6 @@ def test_a_dark_frame_is_no_exception() -> None:
     dark = np.zeros((1, 128, 128, 3), np.uint8)
     found = inference.raw(inference.layers(weights), dark)
     assert np.allclose(found, net.encode(encoder.images(dark))[0].numpy(), rtol=1e-4, atol=1e-4)
-
-
-def test_erf_is_scipys_to_single_precision() -> None:
-    x = np.concatenate([np.linspace(-6, 6, 4001), [-np.inf, np.inf, 0.0, 1e-30]]).astype(np.float32)
-    found = np.array([kernels.erf(value) for value in x])
-    assert np.abs(found - special.erf(x.astype(float))).max() < 4e-7
-    assert found[-2] == 0
 
 
 def elsewhere(**variables: str) -> str:

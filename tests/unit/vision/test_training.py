@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from mimo.settings import params
-from mimo.vision.encoder import Trained, UNet, images, train
+from mimo.vision.encoder import UNet, images, train
+from mimo.vision.extractor import Trained
 from tests.unit.vision.reference import fingerprint, nt_xent
 
 SCRIPT = """

@@ -1,0 +1,60 @@
+"""What happens under the resting policy, free condition, rope on: recorded once, for all that is measured on it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimo.learning.experience import Experience
+from mimo.record import streams
+from mimo.settings.params import Params
+from mimo.vision.collect import resting_probability
+from mimo.vision.extractor import Extractor, Trained
+from mimo.world import scene
+from mimo.world.eye import Eye
+from mimo.world.physics import Worlds
+from mimo.world.protocol import JOINTS
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Agent steps of all worlds, `calibrate.steps` and `calibrate.worlds` of params.yaml.
+
+    Attributes:
+        action: (steps, worlds, 12) bool, True where the joint moved.
+        path_length: (steps, worlds) m travelled by the mobile, float32.
+        latent: (steps + 1, worlds, latent) float32, h at the start and after each step.
+    """
+
+    action: np.ndarray
+    path_length: np.ndarray
+    latent: np.ndarray
+
+
+def record(params: Params, trained: Trained, progress: Callable[[int], None] = lambda steps: None) -> Rest:
+    """Act, and keep what came of it.
+
+    Args:
+        params: all of params.yaml.
+        trained: the encoder.
+        progress: called with the number of agent steps done, over all worlds.
+
+    Raises:
+        DivergedError: the physics diverged.
+    """
+    steps, worlds = params.calibrate.steps, params.calibrate.worlds
+    draws = [streams.generator(params.seed, "free", world, "calibrate") for world in range(worlds)]
+    built = scene.build(params.world, params.protocol)
+    action, path_length = np.empty((steps, worlds, JOINTS), bool), np.empty((steps, worlds), np.float32)
+    latent = np.empty((steps + 1, worlds, params.encoder.latent), np.float32)
+    with Eye(built) as eye:
+        acting = Worlds(built, params.protocol, params.conditions.free.force, draws)
+        experience = Experience(acting, eye, Extractor(params.encoder, trained))
+        latent[0] = experience.perception.latent
+        for step in range(steps):
+            chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
+            action[step] = chance[0] < resting_probability(params.agent)
+            _, found = experience.step(action[step], chance[1] < 0.5, attached=True)
+            path_length[step], latent[step + 1] = found.path_length, found.latent
+            progress((step + 1) * worlds)
+    return Rest(action, path_length, latent)

@@ -25,7 +25,8 @@ LEAST, MOST = (2, 1, 2), (8, 3, 20)  # pairs, iterations, agent steps: for every
 
 def main(pairs: int, iterations: int, steps: int) -> None:
     p = params.load()
-    print("fingerprint", *map(runtime._computed, ("numpy", "torch")), flush=True)
+    for library in ("numpy", "torch"):
+        print(library, runtime._computed(library), flush=True)
     frames = np.random.default_rng(0).integers(0, 256, (pairs, 2, 128, 128, 3), np.uint8)
     few = params.checked(p.encoder, {"pairs": pairs, "iterations": iterations})
     trained = encoder.train(few, frames, np.random.default_rng(1))

@@ -6,6 +6,7 @@ exact by IEEE 754; exp and erf are ours, since a library's differ from machine t
 """
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +14,7 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 import platformdirs
+from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., Any])
 Array = np.ndarray
@@ -44,6 +46,24 @@ ROOT_HALF = np.float32(0.5**0.5)
 BETA_1, BETA_2, DECAY = 0.9, 0.999, np.float32(0.01)
 KEPT_2, NEW_1, NEW_2, TINY = map(np.float32, (BETA_2, 1 - BETA_1, 1 - BETA_2, 1e-8))
 LANES = 8  # sums in `dot`
+
+
+class _Announcer(event.Listener):
+    """Says, once a process, that kernels are being compiled: it takes seconds in which nothing else is seen."""
+
+    said = False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self.said:
+            self.said = True
+            kept = f"; they are kept in {CACHE}" if _keeps() else ", as each time, since they cannot be kept"
+            print(f"Compiling kernels for this processor{kept}.", file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", _Announcer())
 
 
 def kernel(function: F) -> F:

@@ -100,7 +100,9 @@ def _lacking() -> list[str]:
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return []
-    flags = next((line for line in info.read_text().splitlines() if line.startswith("flags")), "").split()
+    flags = next(
+        (line for line in info.read_text(encoding="utf-8").splitlines() if line.startswith("flags")), ""
+    ).split()
     return [name.upper() for name in INSTRUCTIONS if name not in flags]
 
 

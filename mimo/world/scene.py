@@ -22,10 +22,6 @@ EXTENT = 2.0  # m, the scene's
 SEEN, UNSEEN = 0, 1  # geom groups: what the right eye can see, and the rest
 ARMS = ("upper_arm", "lower_arm", "hand", "fingers")
 
-LIMB_ENDS = {
-    "foot": (0.0, 0.0, 0.0),
-    "hand": (0.0, 0.0, 0.0),
-}  # where the rope is tied, in that body's frame: ankle, wrist
 TOYS = (  # place on the cross m, colour; unlike each other, so that the picture tells how the mobile hangs
     ((0.05, 0.0), (0.9, 0.1, 0.1, 1.0)),
     ((0.0, 0.05), (0.1, 0.8, 0.2, 1.0)),
@@ -94,8 +90,7 @@ def _spec(world: World, protocol: Protocol) -> mujoco.MjSpec:
     body.add_to(spec, (0.0, 0.0, HIP_HEIGHT), SUPINE)
     _add_crib(spec)
     _add_mobile(spec, world)
-    side, end = protocol.limb.split("_")
-    spec.body(f"{side}_{end}").add_site(name="limb", pos=LIMB_ENDS[end], group=UNSEEN)
+    spec.body(protocol.limb).add_site(name="limb", group=UNSEEN)  # at the body's origin: ankle or wrist
     spec.worldbody.add_site(name="ring", group=UNSEEN)
     rope = spec.add_tendon(name="rope", stiffness=0.0, width=0.002, rgba=(0.9, 0.1, 0.1, 1.0), group=UNSEEN)
     for site in ("limb", "ring", "mobile"):

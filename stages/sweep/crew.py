@@ -75,7 +75,9 @@ def asked(parser: argparse.ArgumentParser) -> argparse.Namespace:
     parser.epilog = "The bytes are the same with any workers."
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--serial", action="store_const", const=SERIAL, dest="workers", help="here, without Ray")
-    group.add_argument("--workers", type=_some, metavar="N", help="Ray workers on this machine (default: one a CPU)")
+    group.add_argument(
+        "--workers", type=_some, metavar="N", help="Ray workers on this machine (default: one a CPU that may be used)"
+    )
     return parser.parse_args()
 
 
@@ -113,6 +115,13 @@ def assembled(workers: int | None, little: bool, report: Callable[[Mapping[str, 
     else:
         with _ray(lambda: _start(workers)):
             yield _OnRay(report)
+
+
+def cpus() -> int:
+    """How many CPUs this process may use, by its affinity and its cgroup's limit."""
+    import joblib  # late: only where Ray is started
+
+    return int(joblib.cpu_count())
 
 
 def room(workers: int) -> int:
@@ -300,7 +309,7 @@ def _start(workers: int | None) -> None:
         try:
             ray.init(
                 address="local",
-                num_cpus=workers,
+                num_cpus=workers or cpus(),
                 include_dashboard=False,
                 log_to_driver=False,
                 logging_level=logging.ERROR,

@@ -8,12 +8,22 @@ import importlib
 import pkgutil
 
 from mimo.learning.rewards.reward import REWARDS, Reward, Transition
+from mimo.settings.errors import Fault
 from mimo.settings.section import Section
 
 __all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "parts"]
 
+
+class RewardFileError(Fault):
+    """A file in this folder cannot be used; the message names it."""
+
+
 for _file in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_file.name}")
+    try:
+        importlib.import_module(f"{__name__}.{_file.name}")
+    except Exception as fault:  # whatever its author's code raises
+        path = "/".join((*__name__.split("."), f"{_file.name}.py"))
+        raise RewardFileError(f"{path} cannot be used: {type(fault).__name__}: {fault}.") from fault
 
 
 class UnknownRewardError(LookupError):

@@ -8,3 +8,5 @@ os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 if not os.environ.get("RAY_ADDRESS"):
     # A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+
+from stages.base import console  # noqa: F401  # early: it words what goes wrong while a stage is loaded

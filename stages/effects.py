@@ -13,7 +13,6 @@ from mimo.record import artifact, identity
 from mimo.settings import params, studies
 from mimo.vision import extractor
 from stages.base import console, numbers, paths, store
-from stages.sweep import crew, sweep
 
 DIGITS = 4  # significant
 MEASURED = "effects"  # name of the one dataset, which is JSON
@@ -21,6 +20,8 @@ MEASURED = "effects"  # name of the one dataset, which is JSON
 
 def main() -> None:
     """Measure the worlds that the store lacks, then write all."""
+    from stages.sweep import crew, sweep  # late: Ray, which `digest` does without
+
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.effects")).workers
     p = params.load()
     asked = studies.load(p).effects

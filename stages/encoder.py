@@ -8,7 +8,7 @@ import numpy as np
 
 from mimo.record import artifact, identity, streams
 from mimo.settings import params
-from mimo.vision import encoder, extractor, probe
+from mimo.vision import extractor
 from stages.base import console, paths, store
 
 
@@ -19,6 +19,8 @@ def main() -> None:
     digest = made_from(p, frames)
 
     def make(path: Path) -> None:
+        from mimo.vision import probe  # late: torch, which `made_from` does without
+
         trained = train(p, frames["frames"])
         measures = probe.measure(p, trained, frames["frames"], frames["centre_of_mass"], _cut(p))
         extractor.save(trained, path, digest, measures)
@@ -45,6 +47,8 @@ def made_from(p: params.Params, frames: artifact.Artifact, measured: bool = True
 
 def train(p: params.Params, frames: np.ndarray) -> extractor.Trained:
     """An encoder by `p.encoder`, from the frames that are not held out."""
+    from mimo.vision import encoder  # late, likewise
+
     pairs = frames[:, :, : _cut(p)]
     with console.Progress("Encoder", p.encoder.iterations, "iterations") as progress:
         return encoder.train(

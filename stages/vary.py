@@ -26,7 +26,7 @@ def main() -> None:
     _measure(p, held, settings, digests, workers)
     grids = {}
     for name, variant in sweeps.variants.items():
-        own = sweep.scales(store.place(store.SCALE, digests[name]), digests[name])
+        own = scales.read(store.place(store.SCALE, digests[name]), digests[name])
         grids[name] = sweep.Grid(settings[name], own, variant.pairs, sweeps.seeds)
     runs = sweep.complete(sweep.Job(file, p.encoder.latent_sd, grids), p.sweep.chunk, workers)
     _drop_other_variants(set(grids))

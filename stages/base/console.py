@@ -133,9 +133,9 @@ def _end_with(starter: psutil.Process) -> None:
 
 
 def _uncaught(kind: type[BaseException], value: BaseException, trace: TracebackType | None) -> None:
-    """Ctrl-C while modules are imported, before `main`, is no fault either."""
-    if issubclass(kind, KeyboardInterrupt):
-        print(STOPPED, file=sys.stderr)
+    """Before `main`, while modules are imported: Ctrl-C is no fault either, and a Fault is a sentence."""
+    if issubclass(kind, KeyboardInterrupt | Fault):
+        print(STOPPED if kind is KeyboardInterrupt else value, file=sys.stderr)
     else:
         sys.__excepthook__(kind, value, trace)
 

@@ -53,7 +53,7 @@ def read(path: Path) -> dict[str, Any]:
     try:
         made: dict[str, Any] = json.loads(path.read_text())
     except (OSError, ValueError) as fault:
-        raise console.StageError(f"{path} is missing or damaged; run `dvc repro`.") from fault
+        raise console.StageError(f"{path} is missing or damaged; run {paths.made_by(path)}.") from fault
     return made
 
 

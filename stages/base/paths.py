@@ -39,6 +39,12 @@ PROVENANCE = STORE / "provenance.jsonl"
 RENDERER = STORE / "renderer.txt"  # what draws, by stages.commands.gl
 
 
+def made_by(path: Path) -> str:
+    """The command that makes a file of data/ or reports/, as a sentence has it."""
+    own = path.as_posix().startswith(("data/variant", "reports/studies"))
+    return "`dvc repro studies/dvc.yaml`" if own else "`dvc repro`"
+
+
 def manifest(condition: str, reward: str) -> Path:
     """The list of a cell's runs."""
     return MANIFESTS / f"{condition}-{reward}.json"

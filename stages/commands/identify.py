@@ -18,7 +18,7 @@ from mimo.vision import extractor
 from stages import collect, effects, trial
 from stages import encoder as training
 from stages.base import console, paths, store
-from stages.sweep import scales, sweep
+from stages.sweep import scales
 
 Inputs = Mapping[str, Any]
 
@@ -42,7 +42,7 @@ def identify(path: Path) -> int:
     """
     held = artifact.read(path, artifact.schema(path))
     if held.inputs is None:
-        raise console.StageError(f"{path} does not say what it was made from; run `dvc repro`.")
+        raise console.StageError(f"{path} does not say what it was made from; run {paths.made_by(path)}.")
     own = dict(flat(held.inputs))
     print(f"{path}: {held.schema}, digest {held.digest}, content {held.content}")
     for key, value in own.items():
@@ -97,7 +97,7 @@ def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
         digest = scales.digest(own, sight)
         place = store.place(store.SCALE, digest) if name else paths.SCALES
         # A variant's scales may not have been measured here: then the file's are taken for right.
-        found = sweep.scales(place) if place.exists() else held.inputs["scales"]
+        found = scales.read(place) if place.exists() else held.inputs["scales"]
         cell = str(held.about["condition"]), str(held.about["reward"])
         yield experiment.inputs(own, *cell, sight, found) | {"seed": int(held.about["seed"])}
 

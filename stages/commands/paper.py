@@ -31,7 +31,8 @@ def reproduce(command: list[str], listed: Path, made: list[str]) -> int:
     before = _published(listed)
     code = dvc.run(command)
     if code:
-        print("`dvc repro` did not finish; what was finished is kept, and the same command goes on.", file=sys.stderr)
+        told = f"`{' '.join(['dvc', *command])}` did not finish"
+        print(f"{told}; what was finished is kept, and the same command goes on.", file=sys.stderr)
         return code
     print(f"{_compared(listed, before, start)}{_changed(made)}.")
     return 0

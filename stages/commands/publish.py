@@ -8,21 +8,23 @@ import sys
 from typing import Any
 
 from mimo.record import artifact
+from stages import catalogue
 from stages.base import console, paths, provenance
 
 
 def main() -> None:
     """Say on which machines, and from when to when, the published artifacts were made."""
-    listed = [json.loads(path.read_text()) for path in (paths.ARTIFACTS, paths.STUDIES_ARTIFACTS) if path.exists()]
-    published = {entry["digest"]: entry["schema"] for each in listed for entry in each.values()}
-    known = [line for line in provenance.lines() if line["digest"] in published]
-    missing = published.keys() - {line["digest"] for line in known}
-    if missing:
-        raise console.StageError(
-            f"{len(missing)} of {len(published)} published artifacts were not computed in this folder; "
-            "run `make publish` where they were, and copy reports/published-on.json."
-        )
-    last = {line["digest"]: line for line in known}  # the last time each was computed
+    last = {line["digest"]: line for line in provenance.lines()}  # the last time each was computed
+    published = set()
+    for path in (paths.ARTIFACTS, paths.STUDIES_ARTIFACTS):
+        listed = [entry["digest"] for entry in catalogue.published(path.read_text()).values()] if path.exists() else []
+        published |= set(listed)
+        if missing := sum(digest not in last for digest in listed):
+            raise console.StageError(
+                f"{missing} of {len(listed)} artifacts that {path} lists were not computed in this folder: run "
+                f"{paths.made_by(path)}, or `make publish` where they were computed, and copy {paths.PUBLISHED_ON}."
+            )
+    last = {digest: line for digest, line in last.items() if digest in published}
     machines: list[dict[str, Any]] = []
     for line in last.values():
         own = {key: line.get(key) for key in provenance.machine()}

@@ -95,7 +95,7 @@ class Camera:
         visual.quality.shadowsize = 1024
         visual.quality.offsamples = 4 if place.wall else 0  # where there is none, edges would take on its black
         visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 16, 8, 1
-        visual.map.shadowclip = 0.7
+        visual.map.shadowclip, visual.map.znear = 0.7, 0.01  # the latter 2 cm: depths are then told apart
         visual.headlight.ambient[:], visual.headlight.diffuse[:], visual.headlight.specular[:] = 0.45, 0.2, 0.0
         lamp = model.light("lamp").id
         model.light_pos[lamp], model.light_dir[lamp] = (-0.2, 0.4 * mirror, 1.5), (0.25, -0.35 * mirror, -0.9)
@@ -117,7 +117,7 @@ class Camera:
             )
             if name == "world":
                 rgba[:3] = WOOD if y else SHEET
-                rgba[3] = y * mirror <= 0
+                rgba[3] *= y * mirror <= 0
             elif name in held:
                 rgba[:3] = to_rgb(colour)
             elif name != "mobile":

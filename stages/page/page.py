@@ -217,5 +217,5 @@ def read(path: Path) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(path.read_text())
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or fault
-        raise console.StageError(f"{path} cannot be read ({reason}); run `dvc repro`.") from fault
+        raise console.StageError(f"{path} cannot be read ({reason}); run {paths.made_by(path)}.") from fault
     return found

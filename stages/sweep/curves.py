@@ -90,7 +90,8 @@ def runs(
         run = artifact.read(path, store.RUN, listed.get(path))
         if len(run["reward"]) != steps:
             raise console.StageError(
-                f"{run.path} has {len(run['reward'])} steps where params.yaml asks for {steps}; run `dvc repro`."
+                f"{run.path} has {len(run['reward'])} steps where params.yaml asks for {steps}; "
+                f"run {paths.made_by(path)}."
             )
         yield pair, run
         progress.update(progress.done + 1)
@@ -150,7 +151,9 @@ def _digests(manifests: Iterable[Path]) -> dict[Path, str]:
             for run in json.loads(manifest.read_text()):
                 found[paths.run(run["condition"], run["reward"], run["seed"], run["variant"])] = run["digest"]
         except (OSError, ValueError, KeyError, TypeError) as fault:
-            raise console.StageError(f"{manifest} is missing or damaged; run `dvc checkout` or `dvc repro`.") from fault
+            raise console.StageError(
+                f"{manifest} is missing or damaged; run `dvc checkout` or {paths.made_by(manifest)}."
+            ) from fault
     return found
 
 

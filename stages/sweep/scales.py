@@ -4,6 +4,7 @@ Those that differ in rewards and outcome models alone are measured on one record
 """
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -74,3 +75,8 @@ def measure(p: Params, trained: Trained, encoder_hash: str, held: artifact.Artif
     found = calibrate.scales(p, trained, resting.Rest(held["action"] > 0, held["path_length"], held["latent"]))
     datasets = {name: artifact.Dataset(np.array(value), "own units", "") for name, value in found.items()}
     return artifact.to_bytes(store.SCALE, digest(p, encoder_hash), datasets)
+
+
+def read(path: Path, digest: str | None = None) -> dict[str, float]:
+    """Each reward's scale, of a file of schema store.SCALE."""
+    return {name: float(data.values) for name, data in artifact.read(path, store.SCALE, digest).datasets.items()}

@@ -17,7 +17,7 @@ from mimo.settings.params import Params
 from mimo.vision import extractor
 from mimo.world import protocol
 from stages.base import console, paths, store
-from stages.sweep import crew
+from stages.sweep import crew, scales
 from stages.sweep.schedule import Chunk, Run, Schedule, of
 
 SMALL = 500  # agent steps that this process computes sooner than Ray starts
@@ -44,12 +44,9 @@ class Job:
 
 def grid(p: Params) -> Grid:
     """The paper's own runs."""
-    return Grid(p, scales(paths.SCALES), tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds)
-
-
-def scales(path: Path, digest: str | None = None) -> dict[str, float]:
-    """Each reward's scale."""
-    return {name: float(data.values) for name, data in artifact.read(path, store.SCALE, digest).datasets.items()}
+    return Grid(
+        p, scales.read(paths.SCALES), tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds
+    )
 
 
 def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> extractor.Trained:

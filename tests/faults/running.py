@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mimo.learning import calibrate
+from mimo.learning import calibrate, resting
 from mimo.learning.experiment import Experiment
 from mimo.learning.rewards import REWARDS
 from mimo.settings import params, studies
@@ -61,7 +61,7 @@ def computing(trained: Trained, tiny: Params, pairs: np.ndarray) -> Iterator[Run
         sizes, sight = eye(p.encoder)
         brief = p.calibrate.model_copy(update={"steps": 6, "worlds": 1})
         own = p.model_copy(update={"encoder": sizes, "calibrate": brief})
-        scales = calibrate.scales(own, sight)
+        scales = calibrate.scales(own, sight, resting.record(own, sight))
         condition = "noisy" if p.conditions.free == P.conditions.free else "free"
         made = Experiment(own, condition, ALL, [0], sight, scales)
         attached = own.protocol.baseline_steps

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from mimo.learning.experiment import Experiment, Record, RunError
 from mimo.settings.params import Params
@@ -21,7 +20,7 @@ def test_a_nan_in_one_seed_stops_its_run_and_touches_no_other(
 
     def poison(self: Experiment, number: int) -> None:
         if number == 2 and 1 in self.seeds:
-            self.agents.network.inlet.weight[self.seeds.index(1), 0, 0] = torch.nan
+            self.agents.networks[self.seeds.index(1)].inlet.weight[0, 0] = np.nan
         step(self, number)
 
     def computed(*seeds: int) -> list[Record]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mimo.learning import calibrate, effects
+from mimo.learning import calibrate, effects, resting
 from mimo.learning.experiment import Experiment
 from mimo.settings import params
 from mimo.settings.files import ParamsError
@@ -109,7 +109,7 @@ def test_the_least_that_may_be_asked_for_runs(tiny: Params) -> None:
     p = params.changed(tiny, least)
     frames, _ = collect.collect(p)
     sight = train(p.encoder, frames.reshape(-1, *frames.shape[3:]), np.random.default_rng(0))
-    scales = calibrate.scales(p, sight)
+    scales = calibrate.scales(p, sight, resting.record(p, sight))
     for dataset in Experiment(p, "noisy", ALL, [0], sight, scales).run()[0].values():
         assert np.isfinite(dataset.values).all()
     asked = params.checked(STUDIES.effects, {"steps": 40, "worlds": 1})

@@ -54,9 +54,9 @@ def test_the_example_ends_where_the_recorded_step_ended(
 
 def test_the_examples_rewards_are_what_its_path_latents_and_tables_give(shown: example.Example):
     assert shown.rewards["mtl"] == pytest.approx(np.linalg.norm(np.diff(shown.path, axis=0), axis=1).sum())
-    before, after = (h[0].numpy() for h in (shown.transition.latent_before, shown.transition.latent))
+    before, after = (h[0] for h in (shown.transition.latent_before, shown.transition.latent))
     assert shown.rewards["rtl"] == pytest.approx(np.linalg.norm(after - before), rel=1e-5)
-    moved = shown.transition.action[0].numpy()
+    moved = shown.transition.action[0]
     distances = np.abs(shown.conditional[:, 1] - shown.marginal).mean(axis=(1, 2))
     assert shown.rewards["cais"] == pytest.approx(np.where(moved, distances, 0), abs=1e-6)
     chosen = shown.conditional[np.arange(len(moved)), moved.astype(int)]

@@ -65,11 +65,11 @@ def test_reconstructions_are_small_and_of_frames_kept_from_the_training(project:
 
 
 def test_from_the_latent_alone_nothing_else_of_the_frame_counts(project: Path, tiny: params.Params):
-    extract = extractor.Extractor(tiny.encoder, extractor.load(artifact.read(paths.ENCODER, extractor.SCHEMA)))
     frame = artifact.read(paths.FRAMES, store.FRAME)["frames"][0, 0, :1, 0]
-    h, skips = extract.net.encode(encoder.images(frame))
-    expected = extract.net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()
-    assert np.array_equal(extract.reconstruct(frame, skips=False), expected)
+    net = encoder.frozen(tiny.encoder, extractor.load(artifact.read(paths.ENCODER, extractor.SCHEMA)).weights)
+    h, skips = net.encode(encoder.images(frame))
+    expected = net.decode(h, [0 * skip for skip in skips]).mul(255).round().byte().permute(0, 2, 3, 1).numpy()
+    assert np.array_equal(encoder.reconstruct(net, frame, skips=False), expected)
 
 
 def test_a_reward_that_was_not_run_leaves_a_note_in_its_place(project: Path):

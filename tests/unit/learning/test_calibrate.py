@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
-from mimo.learning import calibrate, rewards
+from mimo.learning import calibrate, resting, rewards
+from mimo.learning.resting import Rest
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
@@ -16,8 +16,13 @@ from mimo.world.physics import Worlds
 
 
 @pytest.fixture(scope="module")
-def measured(tiny: Params, trained: Trained) -> dict[str, float]:
-    return calibrate.scales(tiny, trained)
+def rest(tiny: Params, trained: Trained) -> Rest:
+    return resting.record(tiny, trained)
+
+
+@pytest.fixture(scope="module")
+def measured(tiny: Params, trained: Trained, rest: Rest) -> dict[str, float]:
+    return calibrate.scales(tiny, trained, rest)
 
 
 def test_every_reward_has_a_scale(measured: dict[str, float]) -> None:
@@ -25,10 +30,16 @@ def test_every_reward_has_a_scale(measured: dict[str, float]) -> None:
     assert all(type(scale) is float and 0 < scale < math.inf for scale in measured.values())
 
 
-def test_scales_are_the_same_again(measured: dict[str, float], tiny: Params, trained: Trained) -> None:
+def test_a_record_is_the_same_again(rest: Rest, measured: dict[str, float], tiny: Params, trained: Trained) -> None:
     told: list[int] = []
-    assert calibrate.scales(tiny, trained, told.append) == measured
+    again = resting.record(tiny, trained, told.append)
     assert told == [2, 4, 6, 8, 10, 12]
+    shapes = {"action": (6, 2, 12), "path_length": (6, 2), "latent": (7, 2, 64)}
+    for name, shape in shapes.items():
+        assert getattr(rest, name).shape == shape
+        assert getattr(rest, name).tobytes() == getattr(again, name).tobytes()
+    assert rest.latent.dtype == rest.path_length.dtype == np.float32
+    assert calibrate.scales(tiny, trained, again) == measured
 
 
 def test_scales_are_standard_deviations_over_the_second_half(
@@ -49,15 +60,15 @@ def test_scales_are_standard_deviations_over_the_second_half(
                 path = worlds.step(moved[None], positive[None], attached=True).path_length[0]
                 before, latent = latent, extract(eye.frames(worlds.qpos))
                 if step >= 3:
-                    lengths.append((float(path), float(torch.linalg.norm(latent - before))))
+                    lengths.append((float(path), float(np.linalg.norm(latent - before))))
     mtl, rtl = np.std(lengths, axis=0)
     assert measured["mtl"] == pytest.approx(mtl, rel=1e-5)
     assert measured["rtl"] == pytest.approx(rtl, rel=1e-5)
 
 
 def test_a_reward_that_does_not_vary_has_no_scale(
-    tiny: Params, trained: Trained, monkeypatch: pytest.MonkeyPatch
+    tiny: Params, trained: Trained, rest: Rest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rewards.REWARDS["rtl"], "__call__", lambda self, t: torch.ones(t.action.shape))
+    monkeypatch.setattr(rewards.REWARDS["rtl"], "__call__", lambda self, t: np.ones(t.action.shape))
     with pytest.raises(FloatingPointError, match="reward rtl does not vary"):
-        calibrate.scales(tiny, trained)
+        calibrate.scales(tiny, trained, rest)

@@ -4,8 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import torch
-from torch import Tensor
 
 from mimo.learning.experience import Experience, initial_quantiles, untaught
 from mimo.learning.outcomes import Outcomes
@@ -47,10 +45,10 @@ def new_worlds(p: Params, built: scene.Scene) -> Worlds:
     return Worlds(built, p.protocol, 40.0, generators(p, "noise"))
 
 
-def same(one: Tensor | None, other: Tensor | None) -> bool:
+def same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     assert one is not None
     assert other is not None
-    return one.dtype == other.dtype and one.shape == other.shape and one.numpy().tobytes() == other.numpy().tobytes()
+    return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
 
 
 def test_a_transition_is_what_a_loop_by_hand_gives(
@@ -66,22 +64,21 @@ def test_a_transition_is_what_a_loop_by_hand_gives(
     for moved, positive, attached in actions():
         outcome, found = experience.step(moved, positive, attached)
         seen = worlds.step(moved, positive, attached)
-        action = torch.from_numpy(moved)
         before, latent = latent, extract(eye.frames(worlds.qpos))
-        influence, expectation = outcomes.influence(), outcomes.expectation(action)
-        outcomes.update(action, latent)
+        influence, expectation = outcomes.influence(), outcomes.expectation(moved)
+        outcomes.update(moved, latent)
         assert outcome.proprioception.tobytes() == seen.proprioception.tobytes()
         assert outcome.path_length.tobytes() == seen.path_length.tobytes()
         assert outcome.centre_of_mass.tobytes() == seen.centre_of_mass.tobytes()
-        assert same(found.path_length, torch.tensor(seen.path_length, dtype=torch.float32))
-        assert same(found.action, action)
+        assert same(found.path_length, seen.path_length.astype(np.float32))
+        assert same(found.action, moved)
         assert same(found.latent_before, before)
         assert same(found.latent, latent)
         assert same(experience.perception.latent, latent)
         assert same(found.influence, influence)
         assert same(found.expectation, expectation)
         assert not same(found.influence, outcomes.influence())  # it would show, had the models learned first
-        assert not same(found.expectation, outcomes.expectation(action))
+        assert not same(found.expectation, outcomes.expectation(moved))
         assert not same(latent[0], latent[1])
         assert not same(before, latent)
 
@@ -103,9 +100,9 @@ def test_without_outcome_models_the_transition_is_the_same_but_for_them(
 def test_outcome_models_start_at_the_quantiles_of_h(tiny: Params, trained: Trained, runs: Runs) -> None:
     start = initial_quantiles(tiny, trained)
     assert start.shape == (64, 49)
-    assert start.dtype == torch.float32
+    assert start.dtype == np.float32
     # 0.02, 0.04, ...: every second of the kept 0.01, 0.02, ...
-    assert start.numpy() == pytest.approx(trained.quantiles[:, 1::2], abs=1e-6)
-    assert same(untaught(tiny, trained, generators(tiny, "memory")).marginal, start.expand(2, -1, -1))
+    assert start == pytest.approx(trained.quantiles[:, 1::2], abs=1e-6)
+    assert same(untaught(tiny, trained, generators(tiny, "memory")).marginal, np.broadcast_to(start, (2, 64, 49)))
     for record in runs("noisy", "cais", 0, 1):
         assert not record["influence"][0].any()  # all tables alike

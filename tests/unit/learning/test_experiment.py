@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from mimo.learning import rewards
-from mimo.learning.agent import MOVE, Agents
+from mimo.learning.agent import Agents
 from mimo.learning.experience import initial_quantiles
 from mimo.learning.experiment import Experiment, RunError
 from mimo.learning.outcomes import Outcomes
@@ -18,6 +17,7 @@ from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import DivergedError, Worlds
+from mimo.world.protocol import MOVE
 from tests.unit.learning.recorded import ALL, ATTACHED, STEPS, Records, Runs
 
 SHAPES = {
@@ -143,23 +143,22 @@ def test_a_run_is_what_a_plain_loop_makes_of_its_actions(
     agents = Agents(tiny.agent, 47 + 64, [draw("weights")])
     with Eye(built) as eye:
         h = extract(eye.frames(worlds.qpos))
-        state = torch.cat([torch.from_numpy(worlds.proprioception()).float(), h], dim=1)
+        state = np.concatenate([worlds.proprioception().astype(np.float32), h], axis=1)
         for step in range(STEPS):
-            assert agents.values(state).numpy().tobytes() == record["q"][step].tobytes()
+            assert agents.values(state).tobytes() == record["q"][step].tobytes()
             moved, positive = (record[name][step][None].astype(bool) for name in ("action", "positive"))
-            action = torch.from_numpy(moved)
-            influence, expected = outcomes.influence(), outcomes.expectation(action)
-            assert (influence[0, :, MOVE].numpy() == record["influence"][step]).all()
+            influence, expected = outcomes.influence(), outcomes.expectation(moved)
+            assert (influence[0, :, MOVE] == record["influence"][step]).all()
             seen = worlds.step(moved, positive, attached=step in ATTACHED)
             assert (seen.centre_of_mass[0].astype(np.float32) == record["centre_of_mass"][step]).all()
             assert seen.path_length[0].astype(np.float32) == record["path_length"][step]
             before, h = h, extract(eye.frames(worlds.qpos))
-            assert record["latent_length"][step] == pytest.approx(torch.linalg.norm(h - before).item(), rel=1e-5)
-            surprise = torch.linalg.norm(h[:, None] - expected, dim=-1)[0]
-            assert record["part/surprise"][step] == pytest.approx(surprise.numpy(), rel=1e-5)
-            outcomes.update(action, h)
-            last, state = state, torch.cat([torch.from_numpy(seen.proprioception).float(), h], dim=1)
-            agents.update(last, action, torch.from_numpy(record["reward"][step][None]), state)
+            assert record["latent_length"][step] == pytest.approx(np.linalg.norm(h - before), rel=1e-5)
+            surprise = np.linalg.norm(h[:, None] - expected, axis=-1)[0]
+            assert record["part/surprise"][step] == pytest.approx(surprise, rel=1e-5)
+            outcomes.update(moved, h)
+            state = np.concatenate([seen.proprioception.astype(np.float32), h], axis=1)
+            agents.update(moved, record["reward"][step][None], state)
 
 
 # Faults.
@@ -179,10 +178,10 @@ def test_the_seed_at_fault_is_named(
 ) -> None:
     calls: list[int] = []
 
-    def nan_for_the_second_seed_in_the_third_step(self: rewards.Reward, t: rewards.Transition) -> torch.Tensor:
+    def nan_for_the_second_seed_in_the_third_step(self: rewards.Reward, t: rewards.Transition) -> np.ndarray:
         calls.append(1)
-        reward = torch.zeros(t.action.shape)
-        reward[1, 4] = torch.nan if len(calls) == 3 else 0
+        reward = np.zeros(t.action.shape, np.float32)
+        reward[1, 4] = np.nan if len(calls) == 3 else 0
         return reward
 
     monkeypatch.setattr(rewards.REWARDS["mtl"], "__call__", nan_for_the_second_seed_in_the_third_step)

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-import torch
 import yaml
 
 from mimo.learning import rewards
@@ -37,50 +37,54 @@ def made(name: str, **pays: str) -> Reward:
 
 def transition() -> Transition:
     """Two seeds. Seed 0 moved joints 0 and 5, seed 1 none; numbers are small and exact."""
-    action = torch.zeros(2, JOINTS, dtype=torch.bool)
+    action = np.zeros((2, JOINTS), bool)
     action[0, [0, 5]] = True
-    before, after = torch.zeros(2, LATENT), torch.zeros(2, LATENT)
+    before, after = np.zeros((2, 2, LATENT), np.float32)
     before[0, 0], after[0, 0], after[0, 1] = 1.0, 4.0, 4.0  # moved by (3, 4)
     after[1, :4] = 1.0  # moved by four ones
-    influence = torch.stack([torch.arange(24.0), 100 + torch.arange(24.0)]).view(2, JOINTS, 2)
-    expectation = after[:, None, :].repeat(1, JOINTS, 1)
+    influence = np.stack([np.arange(24), 100 + np.arange(24)]).reshape(2, JOINTS, 2).astype(np.float32)
+    expectation = after[:, None].repeat(JOINTS, axis=1)
     expectation[0, 3, 63] -= 5.0
     expectation[1, 11, :9] += 2.0
-    return Transition(torch.tensor([0.25, 2.0]), before, after, action, influence, expectation)
+    return Transition(np.array([0.25, 2.0], np.float32), before, after, action, influence, expectation)
+
+
+def same(found: np.ndarray, expected: Any) -> bool:
+    return found.dtype == np.float32 and found.shape == np.shape(expected) and bool((found == expected).all())
 
 
 def test_mtl_is_the_path_length_for_all_joints() -> None:
-    assert torch.equal(made("mtl")(transition()), torch.tensor([[0.25] * JOINTS, [2.0] * JOINTS]))
+    assert same(made("mtl")(transition()), [[0.25] * JOINTS, [2.0] * JOINTS])
 
 
 def test_rtl_is_the_euclidean_step_of_the_latent() -> None:
-    assert torch.equal(made("rtl")(transition()), torch.tensor([[5.0] * JOINTS, [2.0] * JOINTS]))
+    assert same(made("rtl")(transition()), [[5.0] * JOINTS, [2.0] * JOINTS])
 
 
 def test_cais_pays_move_alone() -> None:
-    expected = torch.zeros(2, JOINTS)
+    expected = np.zeros((2, JOINTS))
     expected[0, 0], expected[0, 5] = 1.0, 11.0  # entry 2 * joint + 1
-    assert torch.equal(made("cais", cais="move")(transition()), expected)
+    assert same(made("cais", cais="move")(transition()), expected)
 
 
 def test_cais_pays_the_action_taken() -> None:
-    expected = torch.stack([torch.arange(0, 24, 2.0), torch.arange(100, 124, 2.0)])
+    expected = np.stack([np.arange(0, 24, 2.0), np.arange(100, 124, 2.0)])
     expected[0, 0], expected[0, 5] = 1.0, 11.0
-    assert torch.equal(made("cais", cais="taken")(transition()), expected)
+    assert same(made("cais", cais="taken")(transition()), expected)
 
 
 def test_surprise_is_each_joints_distance_from_its_expectation() -> None:
-    expected = torch.zeros(2, JOINTS)
+    expected = np.zeros((2, JOINTS))
     expected[0, 3], expected[1, 11] = 5.0, 6.0
-    assert torch.equal(made("surprise")(transition()), expected)
+    assert same(made("surprise")(transition()), expected)
 
 
 def test_surprise_may_pay_move_alone() -> None:
     seen = transition()
     seen.action[1, 11] = True
-    expected = torch.zeros(2, JOINTS)
+    expected = np.zeros((2, JOINTS))
     expected[1, 11] = 6.0
-    assert torch.equal(made("surprise", surprise="move")(seen), expected)
+    assert same(made("surprise", surprise="move")(seen), expected)
 
 
 @pytest.mark.parametrize("name", ["cais", "surprise"])
@@ -93,21 +97,21 @@ def test_a_reward_that_needs_outcomes_refuses_a_transition_without(name: str) ->
 
 @pytest.mark.parametrize("name", list(REWARDS))
 def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
-    generator = torch.Generator().manual_seed(3)
+    generator = np.random.default_rng(3)
     fields = {
-        "path_length": torch.rand(7, generator=generator),
-        "latent_before": torch.randn(7, LATENT, generator=generator),
-        "latent": torch.randn(7, LATENT, generator=generator),
-        "action": torch.rand(7, JOINTS, generator=generator) < 0.4,
-        "influence": torch.rand(7, JOINTS, 2, generator=generator),
-        "expectation": torch.randn(7, JOINTS, LATENT, generator=generator),
+        "path_length": generator.random(7, np.float32),
+        "latent_before": generator.standard_normal((7, LATENT), np.float32),
+        "latent": generator.standard_normal((7, LATENT), np.float32),
+        "action": generator.random((7, JOINTS)) < 0.4,
+        "influence": generator.random((7, JOINTS, 2), np.float32),
+        "expectation": generator.standard_normal((7, JOINTS, LATENT), np.float32),
     }
     reward = made(name)
     stack = reward(Transition(**fields))
     assert stack.shape == (7, JOINTS)
     for seed in range(7):
-        alone = reward(Transition(**{key: value[seed : seed + 1].clone() for key, value in fields.items()}))
-        assert torch.equal(alone[0], stack[seed])
+        alone = reward(Transition(**{key: value[seed : seed + 1].copy() for key, value in fields.items()}))
+        assert same(alone[0], stack[seed])
 
 
 def test_parts_follow_the_name() -> None:
@@ -144,8 +148,8 @@ def test_a_name_that_cannot_be_used_is_refused(name: str, fault: str) -> None:
     assert list(REWARDS) == known
 
 
-def test_names_load_without_torch() -> None:
-    code = "import sys, mimo.learning.rewards, mimo.settings.params; sys.exit('torch' in sys.modules)"
+def test_a_run_needs_no_torch() -> None:
+    code = "import sys, mimo.learning.experiment; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -181,12 +185,12 @@ class Novelty(MTL):
         return self.constants.weight * super().__call__(t)
 '''
 PAID = """
-import torch
+import numpy as np
 from mimo.learning import rewards
 from mimo.settings import params
 p = params.load("with.yaml")
-action, h = torch.zeros(2, 12, dtype=torch.bool), torch.zeros(2, 64)
-t = rewards.Transition(torch.tensor([0.25, 2.0]), h, h, action)
+action, h = np.zeros((2, 12), bool), np.zeros((2, 64), np.float32)
+t = rewards.Transition(np.float32([0.25, 2.0]), h, h, action)
 parts = rewards.parts("mtl_novelty", p.rewards)
 assert [part(t)[:, 3].tolist() for part in parts] == [[0.25, 2.0], [1.0, 8.0]]
 for file in ("params.yaml", "heavy.yaml"):
@@ -230,11 +234,14 @@ def extended(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def own_path(folder: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+
+
 def said(folder: Path, script: str, *arguments: str) -> str:
     """What a script says in a process whose package is that of `folder`."""
-    own = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", script, *arguments], cwd=folder, env=own, capture_output=True, text=True
+        [sys.executable, "-c", script, *arguments], cwd=folder, env=own_path(folder), capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -245,6 +252,34 @@ def test_a_file_in_the_folder_is_a_reward_with_a_section_of_its_own(extended: Pa
         "params.yaml: rewards.novelty is missing.",
         "heavy.yaml: rewards.novelty.weight must be less than or equal to 9; it is 10.0.",
     ]
+
+
+FAULTS = {
+    "class Zeal(:": "SyntaxError: ",
+    "import nowhere": "ModuleNotFoundError: No module named 'nowhere'",
+    "from mimo.learning.rewards import Reward\n\nclass Zeal(Reward):\n    pass": "AttributeError: ",
+    "from mimo.learning.rewards import Reward\n\nclass Zeal(Reward):\n    name = 'mtl'": "ValueError: Zeal.name",
+}
+
+
+@pytest.mark.parametrize("source", FAULTS)
+def test_a_file_that_cannot_be_used_is_named_in_a_sentence(source: str, tmp_path: Path) -> None:
+    shutil.copytree(identity.ROOT / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(identity.ROOT / "stages", tmp_path / "stages", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "mimo/learning/rewards/zeal.py").write_text(source)
+    done = subprocess.run(
+        [sys.executable, "-m", "stages.claims"], cwd=tmp_path, env=own_path(tmp_path), capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"mimo/learning/rewards/zeal.py cannot be used: {FAULTS[source]}"), done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_reward_may_use_the_papers_actions(tmp_path: Path) -> None:
+    shutil.copytree(identity.ROOT / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
+    text = NOVELTY.replace("from typing", "from mimo.world.protocol import JOINTS, MOVE\nfrom typing")
+    (tmp_path / "mimo/learning/rewards/novelty.py").write_text(text)
+    assert said(tmp_path, "from mimo.learning import rewards; print(list(rewards.REWARDS))").count("novelty") == 1
 
 
 def test_a_runs_digest_is_of_its_own_rewards_files_alone(extended: Path, scales: dict[str, float]) -> None:

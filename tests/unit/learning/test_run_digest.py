@@ -135,8 +135,9 @@ def test_inputs_are_canonical_json_with_code_and_versions(scales: dict[str, floa
         "mimo.world.physics",
         "mimo.world.body",
         "mimo.learning.rewards",
-        "mimo.vision.encoder",
+        "mimo.vision.extractor",
     } <= set(made["code"])
+    assert "mimo.vision.encoder" not in made["code"]  # training counts by what it gave
     assert made["versions"] == identity.versions()
     mtl = inputs(P, "noisy", "mtl", "e", scales)
     own = {f"mimo.learning.rewards.{name}" for name in ("mtl", "cais", "surprise")}

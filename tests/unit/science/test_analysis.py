@@ -26,12 +26,10 @@ def record(steps: int = 4) -> dict[str, np.ndarray]:
     }
 
 
-def test_the_constants_shared_with_modules_that_load_torch_agree():
-    from mimo.learning import agent
+def test_the_store_calls_an_encoder_as_it_calls_itself():
     from mimo.vision import extractor
     from stages.base import store
 
-    assert agent.MOVE == analysis.MOVE
     assert store.ENCODER == extractor.SCHEMA
 
 

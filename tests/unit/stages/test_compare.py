@@ -66,6 +66,7 @@ def test_it_is_the_same_bytes_again(copied: Path) -> None:
 def test_without_a_variants_manifest_it_says_what_to_do(copied: Path) -> None:
     paths.variant_manifest("heavy").unlink()
     with pytest.raises(
-        console.StageError, match=r"heavy\.json is missing or damaged; run `dvc checkout` or `dvc repro`"
+        console.StageError,
+        match=r"heavy\.json is missing or damaged; run `dvc checkout` or `dvc repro studies/dvc\.yaml`",
     ):
         compare.main()

@@ -59,7 +59,7 @@ def _made(project: Path, new: set[Path]) -> set[str]:
             ("scales", paths.SCALES, store.SCALE),
         )
     }
-    others = {"frames": "frames", "effects": "effects", "scales": "variants' scales"}
+    others = {"frames": "frames", "rests": "resting policy", "effects": "effects", "scales": "variants' scales"}
     return {single.get(path.stem) or others[path.parent.name] for path in new if path.parent.name != "runs"}
 
 

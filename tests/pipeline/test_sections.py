@@ -68,7 +68,8 @@ OF_VISION = ALL - {
 }  # fmt: skip
 # What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
 SCALES = frozenset({"scales", "variants' scales"})
-BEFORE = SCALES | {"frames", "encoder", "trial", "effects"}
+REST = "resting policy"
+BEFORE = SCALES | {"frames", "encoder", "trial", "effects", REST}
 EAGER, HEAVY = "eager: free-cais", "heavy: noisy-mtl"
 RUNS = frozenset({"*", EAGER, HEAVY})
 NONE: Set[str] = frozenset()
@@ -104,7 +105,7 @@ EDITS = (
     Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
     Edit("agent.gamma", 0.2, SETTLED | OTHERS, NONE, RUNS),
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "studies:effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
-    Edit("calibrate.steps", 5, SETTLED | {"calibrate"}, SCALES, RUNS),
+    Edit("calibrate.steps", 5, SETTLED | {"calibrate"}, SCALES | {REST}, RUNS),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
     Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"}),
     Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*", "film@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
@@ -123,7 +124,7 @@ EDITS = (
         "sweeps.variants.heavy.set",
         {"world.mobile_mass": 2.0},
         OF_VARIANTS - {"studies:variants@*"} | {"studies:variants@heavy"},
-        {"variants' scales"},
+        {"variants' scales", REST},
         {HEAVY},
     ),
     Edit("sweeps.variants.eager.asks", "!", {"studies:vary", "studies:compare", "studies:page"}),
@@ -190,7 +191,8 @@ One value of params.yaml or studies/params.yaml is edited, or a comment is added
 run (`dvc repro --all-pipelines`; `dvc repro` alone runs the paper's). A stage depends on whole sections and on whole
 rooms of the code, so it often runs without need. That costs seconds, since a stage that runs need not compute: what it
 finds in the run store, under the digest of all that it depends on, it takes from there. The last two columns have what
-it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, scales, variants' scales; and runs.
+it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, the record of the resting policy that
+scales are measured on, scales, variants' scales; and runs.
 
 The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and two variants: `eager` has another
 `rewards.gain` in the cell free-cais, `heavy` another `world.mobile_mass` in noisy-mtl. tests/pipeline/test_sections.py

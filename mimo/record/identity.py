@@ -26,8 +26,8 @@ LIBRARIES = {
     "numba": "numba",
 }  # mujoco-core: MuJoCo's minimal distribution
 # These decide no number: settings are only checked there, and enter a digest resolved; artifact.py and identity.py only
-# store and name results (artifact.SCHEMA_VERSION refuses files of another layout).
-EXCLUDED = ("mimo.settings", "mimo.record.identity", "mimo.record.artifact")
+# store and name results (artifact.SCHEMA_VERSION refuses files of another layout), cache.py keeps compiled code.
+EXCLUDED = ("mimo.settings", "mimo.record.identity", "mimo.record.artifact", "mimo.record.cache")
 
 
 class IdentityError(ValueError):

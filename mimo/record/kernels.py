@@ -5,22 +5,17 @@ put in another order, so vectors of any width give the same numbers. Additions, 
 exact by IEEE 754; exp and erf are ours, since a library's differ from machine to machine.
 """
 
-import os
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
-import platformdirs
-from numba.core import event
+
+from mimo.record import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 Array = np.ndarray
 
-# Where compiled kernels are kept, once a machine; a folder that takes no file costs the compiling, each time.
-CACHE = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(platformdirs.user_cache_dir("mimo-agency"), "kernels"))
 ONE, HALF = np.float32(1), np.float32(0.5)
 # Single names and index loops throughout, as loops over tuples' items don't become vectors.
 # Cephes' expf: exp(x) = 2^n exp(r), |r| <= log(2) / 2; between LEAST and MOST both are normal numbers.
@@ -48,37 +43,11 @@ KEPT_2, NEW_1, NEW_2, TINY = map(np.float32, (BETA_2, 1 - BETA_1, 1 - BETA_2, 1e
 LANES = 8  # sums in `dot`
 
 
-class _Announcer(event.Listener):
-    """Says, once a process, that kernels are being compiled: it takes seconds in which nothing else is seen."""
-
-    said = False
-
-    def on_start(self, event: event.Event) -> None:
-        if not self.said:
-            self.said = True
-            kept = f"; they are kept in {CACHE}" if _keeps() else ", as each time, since they cannot be kept"
-            print(f"Compiling kernels for this processor{kept}.", file=sys.stderr, flush=True)
-
-    def on_end(self, event: event.Event) -> None:
-        pass
-
-
-event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]
-
-
 def kernel(function: F) -> F:
     """Compile a function of arrays and numbers when it is first called."""
-    compiled: Any = numba.njit(cache=_keeps(), fastmath=False, error_model="numpy")(function)
+    compiled: Any = numba.njit(fastmath=False, error_model="numpy")(function)
+    cache.keep(compiled)
     return compiled  # type: ignore[no-any-return]
-
-
-def _keeps() -> bool:
-    try:
-        CACHE.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    numba.config.CACHE_DIR = str(CACHE)  # type: ignore[attr-defined]
-    return os.access(CACHE, os.W_OK)
 
 
 @kernel

@@ -38,6 +38,7 @@ KERNELS = {
     "ATEN_CPU_CAPABILITY": "avx2",  # torch's own loops
     "ONEDNN_MAX_CPU_ISA": "AVX2",  # torch's convolutions and GELU
     "MKL_CBWR": "COMPATIBLE",  # torch's matrix products, exp, erf, log, tanh
+    "NUMBA_DISABLE_JIT": "0",  # Python would round float32 otherwise than compiled kernels do
 }
 INSTRUCTIONS = ("avx2", "fma")
 # What `_computed` gives under KERNELS with these releases.

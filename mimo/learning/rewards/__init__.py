@@ -23,7 +23,8 @@ for _file in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{_file.name}")
     except Exception as fault:  # whatever its author's code raises
         path = "/".join((*__name__.split("."), f"{_file.name}.py"))
-        raise RewardFileError(f"{path} cannot be used: {type(fault).__name__}: {fault}.") from fault
+        said = str(fault).removesuffix(".")
+        raise RewardFileError(f"{path} cannot be used: {type(fault).__name__}: {said}.") from fault
 
 
 class UnknownRewardError(LookupError):

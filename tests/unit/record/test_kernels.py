@@ -1,10 +1,5 @@
 """The kernels' arithmetic against scipy's and torch's, and where compiled kernels are kept."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -58,24 +53,3 @@ def test_adamw_is_torchs() -> None:
         optimizer.step()
         kernels.adamw(x, gradient, first, second, np.float32(0.01), count)
         np.testing.assert_allclose(x, twin.numpy(), atol=2e-5)
-
-
-def told(**variables: str) -> str:
-    script = (
-        "from mimo.record import kernels; import numpy; kernels.total(numpy.ones(3)); kernels.erf(numpy.float32(1))"
-    )
-    own = os.environ | variables
-    done = subprocess.run([sys.executable, "-c", script], env=own, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stderr
-
-
-def test_the_first_start_says_once_that_kernels_are_compiled(tmp_path: Path) -> None:
-    cache = str(tmp_path / "new")
-    assert told(NUMBA_CACHE_DIR=cache) == f"Compiling kernels for this processor; they are kept in {cache}.\n"
-    assert told(NUMBA_CACHE_DIR=cache) == ""
-
-
-def test_kernels_that_cannot_be_kept_are_compiled_each_time() -> None:
-    for _ in range(2):
-        assert "as each time, since they cannot be kept" in told(NUMBA_CACHE_DIR="/proc/nowhere")

@@ -39,6 +39,7 @@ def test_a_record_is_the_same_again(rest: Rest, measured: dict[str, float], tiny
         assert getattr(rest, name).shape == shape
         assert getattr(rest, name).tobytes() == getattr(again, name).tobytes()
     assert rest.latent.dtype == rest.path_length.dtype == np.float32
+    assert rest.action.dtype == bool
     assert calibrate.scales(tiny, trained, again) == measured
 
 

@@ -1,4 +1,4 @@
-"""The kernels' arithmetic against scipy's and torch's, and where compiled kernels are kept."""
+"""The kernels' arithmetic against scipy's and torch's."""
 
 import numpy as np
 import pytest

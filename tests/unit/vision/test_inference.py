@@ -72,7 +72,7 @@ def test_the_bytes_are_the_same_for_whatever_processor_it_is_compiled(processor:
     """`generic` has neither AVX nor FMA."""
     found = elsewhere(NUMBA_CPU_NAME=processor, NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path))
     assert found == hashed(*drawn([4, 5, 16, 3], 2))
-    assert list(tmp_path.rglob("*.nbi"))  # kept for the next process
+    assert list(tmp_path.glob("*.kernel"))  # kept for the next process
 
 
 def test_a_cache_that_takes_no_file_costs_nothing_but_time() -> None:

@@ -195,3 +195,11 @@ def test_params_are_the_sections_that_the_script_reads(name: str, read: dict[str
         assert not declared, "the whole file is a dependency already"
         return
     assert {key.split(".")[0] for key in read[name] - SPEED} == declared
+
+
+@pytest.mark.parametrize("file", PIPELINES.values())
+def test_the_published_lock_is_of_stages_that_there_are(file: str) -> None:
+    """DVC itself never forgets a stage that is gone."""
+    lock = (ROOT / file).with_suffix(".lock")
+    locked = yaml.safe_load(lock.read_text())["stages"]
+    assert {stage.partition("@")[0] for stage in locked} == set(yaml.safe_load((ROOT / file).read_text())["stages"])

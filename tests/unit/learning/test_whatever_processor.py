@@ -1,0 +1,36 @@
+"""Agent and outcome models are the same bytes for whatever processor their kernels are compiled."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mimo.record import identity
+from tests.unit.learning import test_agent, test_outcomes
+
+SCRIPT = """
+import mimo
+from tests.unit.learning.test_whatever_processor import hashed
+print(hashed())
+"""
+
+
+def hashed() -> str:
+    """Of all that both give over 20 updates of two seeds."""
+    made = hashlib.sha256()
+    for history in (test_agent.history, test_outcomes.history):
+        for seen in history([0, 1], 20).values():
+            made.update(seen)
+    return made.hexdigest()
+
+
+@pytest.mark.parametrize("processor", ["generic", "haswell"])
+def test_the_bytes_are_the_same_for_whatever_processor_they_are_compiled(processor: str, tmp_path: Path) -> None:
+    """`generic` has neither AVX nor FMA."""
+    own = os.environ | {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=identity.ROOT, env=own, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == hashed()

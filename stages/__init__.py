@@ -1,8 +1,12 @@
 """One module for each DVC stage, and the commands around them. Ray's telemetry is off."""
 
 import os
+import sys
 
-import mimo  # noqa: F401  # first: it decides which kernels compute, before Ray loads numpy
+try:
+    import mimo  # noqa: F401  # first: it decides which kernels compute, before Ray loads numpy
+except RuntimeError as fault:  # MuJoCo does not take what the user chose to draw with
+    sys.exit(str(fault))
 
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 if not os.environ.get("RAY_ADDRESS"):

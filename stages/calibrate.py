@@ -13,7 +13,7 @@ from stages.sweep import scales
 def main() -> None:
     """Measure every reward under the resting policy, unless the store has the scales."""
     p = params.load()
-    held = artifact.read(paths.ENCODER, extractor.SCHEMA)
+    held = artifact.read(paths.ENCODER, store.ENCODER)
     sight = store.sight(held)
 
     def make(path: Path) -> None:

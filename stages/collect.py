@@ -6,6 +6,7 @@ from pathlib import Path
 from mimo.record import artifact, identity
 from mimo.settings import params
 from mimo.vision import collect
+from mimo.world import protocol
 from stages.base import console, paths, store
 
 
@@ -32,7 +33,7 @@ def made_from(p: params.Params) -> identity.Digest:
     """The digest of all that the frames depend on."""
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("conditions", "world")}
-        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
+        | {name: getattr(p.protocol, name) for name in protocol.STEP}
         | {name: getattr(p.collect, name) for name in ("worlds", "steps", "pair_updates")}
         | {"seed": p.seed, "move_bias": p.agent.move_bias, "temperature": p.agent.temperature},
         "code": identity.code("mimo.vision.collect"),

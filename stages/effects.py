@@ -12,6 +12,7 @@ from mimo.learning import effects
 from mimo.record import artifact, identity
 from mimo.settings import params, studies
 from mimo.vision import extractor
+from mimo.world import protocol
 from stages.base import console, numbers, paths, store
 
 DIGITS = 4  # significant
@@ -25,7 +26,7 @@ def main() -> None:
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.effects")).workers
     p = params.load()
     asked = studies.load(p).effects
-    held = artifact.read(paths.ENCODER, extractor.SCHEMA)
+    held = artifact.read(paths.ENCODER, store.ENCODER)
     sight = store.sight(held)
     worlds: dict[str, dict[str, Any]] = {"published": {}} | asked.alternatives
     settings = {name: params.changed(p, values) for name, values in worlds.items()}
@@ -48,8 +49,8 @@ def digest(p: params.Params, asked: studies.Effects, encoder_hash: str) -> ident
     """The digest of all that a world's effects depend on, under which the store keeps them."""
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("world", "conditions")}
-        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
-        | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
+        | {name: getattr(p.protocol, name) for name in protocol.STEP}
+        | {name: getattr(p.encoder, name) for name in extractor.READ}
         | {name: getattr(p.agent, name) for name in ("move_bias", "temperature")}
         | {name: getattr(asked, name) for name in ("steps", "dropped", "worlds")}
         | {"seed": p.seed, "quantiles": p.outcomes.quantiles},

@@ -25,8 +25,8 @@ def main() -> None:
         measures = probe.measure(p, trained, frames["frames"], frames["centre_of_mass"], _cut(p))
         extractor.save(trained, path, digest, measures)
 
-    store.publish(extractor.SCHEMA, digest, paths.ENCODER, make)
-    held = artifact.read(paths.ENCODER, extractor.SCHEMA, digest)
+    store.publish(store.ENCODER, digest, paths.ENCODER, make)
+    held = artifact.read(paths.ENCODER, store.ENCODER, digest)
     start = "measures/"
     measures = {n[len(start) :]: float(f"{held[n]:.6g}") for n in held.datasets if n.startswith(start)}
     artifact.publish(f"{json.dumps(measures, indent=2)}\n".encode(), paths.ENCODER_METRICS)

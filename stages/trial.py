@@ -22,7 +22,7 @@ def main() -> None:
     def make(path: Path) -> None:
         extractor.save(training.train(p, frames["frames"]), path, digest, {})
 
-    store.publish(extractor.SCHEMA, digest, paths.TRIAL, make)
+    store.publish(store.ENCODER, digest, paths.TRIAL, make)
 
 
 def settings(p: params.Params) -> params.Params:

@@ -8,7 +8,6 @@ from functools import partial
 
 from mimo.record import artifact
 from mimo.settings import params, studies
-from mimo.vision import extractor
 from stages.base import console, paths, store
 from stages.sweep import crew, scales, sweep
 
@@ -19,7 +18,7 @@ def main() -> None:
     p = params.load()
     sweeps = studies.load(p).sweeps
     file = paths.ENCODER.read_bytes()
-    held = artifact.from_bytes(file, extractor.SCHEMA, source=paths.ENCODER)
+    held = artifact.from_bytes(file, store.ENCODER, source=paths.ENCODER)
     settings = {name: params.changed(p, variant.set) for name, variant in sweeps.variants.items()}
     sight = store.sight(held)
     digests = {name: scales.digest(own, sight) for name, own in settings.items()}

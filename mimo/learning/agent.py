@@ -10,7 +10,7 @@ import numpy as np
 
 from mimo.learning import network
 from mimo.learning.network import Network
-from mimo.record.kernels import ONE, Array, adamw, exp, kernel
+from mimo.record.kernels import ONE, Array, adamw, checked, exp, kernel
 from mimo.settings import params
 from mimo.world.protocol import ACTIONS, JOINTS, MOVE, NO_TORQUE
 
@@ -64,25 +64,31 @@ class Agents:
         self._traces = [network.trace(inputs, width) for _ in generators]
         self._spare = network.trace(inputs, width)
         self._values = np.zeros((len(generators), JOINTS * ACTIONS), np.float32)
-        self._updates = 0
+        self._inputs, self._asked, self._updates = inputs, False, 0
         for net, generator in zip(self.networks, generators, strict=True):
             _initialise(net, generator)
 
     def values(self, state: Array) -> Array:
-        """Q values, paper eq. q_function; kept for the update that follows.
+        """Q values, paper eq. q_function; the update that follows learns from them.
 
         Args:
             state: (N, inputs) float32.
 
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of reward.
+
+        Raises:
+            ValueError: the state has another shape or type.
         """
-        for q, net, own, kept in zip(self._values, self.networks, state, self._traces, strict=True):
-            q[:] = network.forward(net, own, kept)
+        state = checked("state", state, (len(self.networks), self._inputs), np.float32)
+        for q, net, own, trace in zip(self._values, self.networks, state, self._traces, strict=True):
+            q[:] = network.forward(net, own, trace)
+        self._asked = True
         return self._values.reshape(-1, JOINTS, ACTIONS).copy()
 
     def move_probability(self, values: Array) -> Array:
         """P(MOVE) (N, 12) under the policy, from Q values (N, 12, 2)."""
+        values = checked("values", values, (len(values), JOINTS, ACTIONS), np.float32)
         return _move_probabilities(values, self._move_bias, self._temperature)
 
     def update(self, action: Array, reward: Array, next_state: Array) -> Array:
@@ -95,7 +101,17 @@ class Agents:
 
         Returns:
             (N, 12), the TD errors before the step, in units of reward.
+
+        Raises:
+            RuntimeError: `values` was not asked since the last update.
+            ValueError: an argument has another shape or type.
         """
+        if not self._asked:
+            raise RuntimeError("Ask for the values of the state that the action was taken in before each update.")
+        self._asked = False
+        joints = (len(self.networks), JOINTS)
+        action, reward = checked("action", action, joints, bool), checked("reward", reward, joints, np.float32)
+        next_state = checked("next_state", next_state, (len(self.networks), self._inputs), np.float32)
         self._updates += 1
         errors = np.empty(action.shape, np.float32)
         for seed, (net, gradient) in enumerate(zip(self.networks, self.gradients, strict=True)):

@@ -21,7 +21,7 @@ def scales(params: Params, trained: Trained, rest: Rest) -> dict[str, float]:
     Args:
         params: all of params.yaml.
         trained: the encoder.
-        rest: what resting.record gives for both.
+        rest: what `resting.record` gives for these two.
 
     Raises:
         FloatingPointError: a reward does not vary, so that it has no scale.
@@ -33,7 +33,7 @@ def scales(params: Params, trained: Trained, rest: Rest) -> dict[str, float]:
     seen = np.empty((len(terms), *rest.action.shape))
     for step, (action, path_length) in enumerate(zip(rest.action, rest.path_length, strict=True)):
         found = transition(action, path_length, rest.latent[step], rest.latent[step + 1], outcomes)
-        seen[:, step] = [term(found) for term in terms]
+        seen[:, step] = rewards.paid(terms, found)
     half = params.calibrate.steps // 2
     deviations = {term.name: float(values[half:].std()) for term, values in zip(terms, seen, strict=True)}
     flat = [name for name, value in deviations.items() if not value > 0]

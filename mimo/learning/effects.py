@@ -105,10 +105,11 @@ def sample(
         for purpose in ("policy", "direction", "noise")
     )
     worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
+    probability = resting_probability(params.agent)
     seen: list[tuple[np.ndarray, ...]] = []
     experience = Experience(worlds, eye, extract)
     for step in range(settings.steps):
-        moved = np.stack([draw.random(JOINTS) for draw in policy]) < resting_probability(params.agent)
+        moved = np.stack([draw.random(JOINTS) for draw in policy]) < probability
         positive = np.stack([draw.random(JOINTS) for draw in direction]) < 0.5
         outcome, transition = experience.step(moved, positive, attached)
         distance = length(transition.latent - transition.latent_before)

@@ -16,7 +16,7 @@ from mimo.record import identity, streams
 from mimo.record.artifact import Dataset
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from mimo.vision.extractor import Extractor, Trained
+from mimo.vision.extractor import READ, Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
@@ -45,7 +45,7 @@ def inputs(params: Params, condition: str, reward: str, encoder: str, scales: Ma
         "protocol": params.protocol.model_dump(),
         "world": params.world.model_dump(),
         "condition": getattr(params.conditions, condition).model_dump(),
-        "encoder": {name: getattr(params.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")},
+        "encoder": {name: getattr(params.encoder, name) for name in READ},
         "agent": params.agent.model_dump(),
         "rewards": {"gain": params.rewards.gain, "scale": params.rewards.scale}
         | {part: getattr(params.rewards, part).model_dump() for part in parts if rewards.REWARDS[part].Constants},
@@ -164,7 +164,7 @@ class Experiment:
         moved = chance < probability
         attached = phase(self.params.protocol, step) == "attached"
         outcome, transition = self.experience.step(moved, positive, attached)
-        parts = [part(transition) for part in self.parts]
+        parts = rewards.paid(self.parts, transition)
         scaled = parts
         if self._running:
             scaled = [running(part) for running, part in zip(self._running, parts, strict=True)]

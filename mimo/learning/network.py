@@ -53,8 +53,8 @@ class Trace(NamedTuple):
 
     Attributes:
         state: (inputs,).
-        normal: (NORMS, width), what each normalisation made before its weight and bias.
-        scale: (NORMS,), one over the SD that each divided by.
+        z: (NORMS, width), what each normalisation made before its weight and bias.
+        inverse: (NORMS,), one over the SD that each divided by.
         x: (RESIDUALS + 1, width), what went into each residual layer, and what came out of the last.
         y: (RESIDUALS, width), what went into each GELU.
         share: (RESIDUALS, width), the share of it that came out.
@@ -62,8 +62,8 @@ class Trace(NamedTuple):
     """
 
     state: Array
-    normal: Array
-    scale: Array
+    z: Array
+    inverse: Array
     x: Array
     y: Array
     share: Array
@@ -99,41 +99,43 @@ def trace(inputs: int, width: int) -> Trace:
 
 
 @kernel
-def forward(net: Network, state: Array, kept: Trace) -> Array:
+def forward(net: Network, state: Array, into: Trace) -> Array:
     """Q values (JOINTS * ACTIONS,) of a state (inputs,)."""
-    kept.state[:] = state
-    a = np.empty_like(kept.last)
+    into.state[:] = state
+    a = np.empty_like(into.last)
     _linear(net.inlet, state, a)
-    kept.scale[0] = _norm(net.inlet_norm, a, kept.normal[0], kept.x[0])
+    into.inverse[0] = _norm(net.inlet_norm, a, into.z[0], into.x[0])
     for k in range(RESIDUALS):
-        x, y, share, following = kept.x[k], kept.y[k], kept.share[k], kept.x[k + 1]
+        x, y, share, following = into.x[k], into.y[k], into.share[k], into.x[k + 1]
         _linear(net.residuals[k].linear, x, a)
-        kept.scale[k + 1] = _norm(net.residuals[k].norm, a, kept.normal[k + 1], y)
+        into.inverse[k + 1] = _norm(net.residuals[k].norm, a, into.z[k + 1], y)
         for i in range(len(x)):
             share[i] = normal(y[i])
             following[i] = x[i] + y[i] * share[i]
-    kept.scale[-1] = _norm(net.outlet_norm, kept.x[-1], kept.normal[-1], kept.last)
+    into.inverse[-1] = _norm(net.outlet_norm, into.x[-1], into.z[-1], into.last)
     q = np.empty_like(net.outlet.bias)
-    _linear(net.outlet, kept.last, q)
+    _linear(net.outlet, into.last, q)
     return q
 
 
 @kernel
-def backward(net: Network, kept: Trace, upstream: Array, gradient: Network) -> None:
-    """Write `gradient`, from the derivative `upstream` (JOINTS * ACTIONS,) by the Q values that `kept` led to."""
-    a, b, x = np.empty_like(kept.last), np.empty_like(kept.last), np.empty_like(kept.last)
-    _linear_backward(net.outlet, kept.last, upstream, gradient.outlet, a)
-    _norm_backward(net.outlet_norm, kept.normal[-1], kept.scale[-1], a, gradient.outlet_norm, x)
+def backward(net: Network, made: Trace, upstream: Array, gradient: Network) -> None:
+    """Write `gradient`, from the derivative `upstream` (JOINTS * ACTIONS,) by the Q values that `made` led to."""
+    a, b, x = np.empty_like(made.last), np.empty_like(made.last), np.empty_like(made.last)
+    _linear_gradient(made.last, upstream, gradient.outlet)
+    _linear_backward(net.outlet, upstream, a)
+    _norm_backward(net.outlet_norm, made.z[-1], made.inverse[-1], a, gradient.outlet_norm, x)
     for k in range(RESIDUALS - 1, -1, -1):
-        y, share, own, into = kept.y[k], kept.share[k], net.residuals[k], gradient.residuals[k]
+        y, share, own, into = made.y[k], made.share[k], net.residuals[k], gradient.residuals[k]
         for i in range(len(x)):
             a[i] = x[i] * (share[i] + y[i] * exp(-HALF * y[i] * y[i]) * DENSITY)
-        _norm_backward(own.norm, kept.normal[k + 1], kept.scale[k + 1], a, into.norm, b)
-        _linear_backward(own.linear, kept.x[k], b, into.linear, a)
+        _norm_backward(own.norm, made.z[k + 1], made.inverse[k + 1], a, into.norm, b)
+        _linear_gradient(made.x[k], b, into.linear)
+        _linear_backward(own.linear, b, a)
         for i in range(len(x)):
             x[i] += a[i]
-    _norm_backward(net.inlet_norm, kept.normal[0], kept.scale[0], x, gradient.inlet_norm, a)
-    _linear_backward(net.inlet, kept.state, a, gradient.inlet, np.empty_like(kept.state))
+    _norm_backward(net.inlet_norm, made.z[0], made.inverse[0], x, gradient.inlet_norm, a)
+    _linear_gradient(made.state, a, gradient.inlet)
 
 
 @kernel
@@ -145,14 +147,22 @@ def _linear(layer: Linear, x: Array, y: Array) -> None:
 
 
 @kernel
-def _linear_backward(layer: Linear, x: Array, upstream: Array, gradient: Linear, downstream: Array) -> None:
-    """Derivatives by weight, bias and x, from that by y."""
-    downstream[:] = 0
+def _linear_gradient(x: Array, upstream: Array, gradient: Linear) -> None:
+    """Derivatives by weight and bias, from that by y."""
     for o in range(len(upstream)):
-        u, weight, into = upstream[o], layer.weight[o], gradient.weight[o]
+        u, into = upstream[o], gradient.weight[o]
         gradient.bias[o] = u
         for i in range(len(x)):
             into[i] = u * x[i]
+
+
+@kernel
+def _linear_backward(layer: Linear, upstream: Array, downstream: Array) -> None:
+    """The derivative by x, from that by y."""
+    downstream[:] = 0
+    for o in range(len(upstream)):
+        u, weight = upstream[o], layer.weight[o]
+        for i in range(len(downstream)):
             downstream[i] += u * weight[i]
 
 
@@ -166,16 +176,16 @@ def _norm(layer: LayerNorm, x: Array, z: Array, y: Array) -> Any:
     mean /= width
     for i in range(len(x)):
         variance += (x[i] - mean) * (x[i] - mean)
-    scale = ONE / np.sqrt(variance / width + EPSILON)
+    inverse = ONE / np.sqrt(variance / width + EPSILON)
     for i in range(len(x)):
-        z[i] = (x[i] - mean) * scale
+        z[i] = (x[i] - mean) * inverse
         y[i] = z[i] * layer.weight[i] + layer.bias[i]
-    return scale
+    return inverse
 
 
 @kernel
 def _norm_backward(
-    layer: LayerNorm, z: Array, scale: Any, upstream: Array, gradient: LayerNorm, downstream: Array
+    layer: LayerNorm, z: Array, inverse: Any, upstream: Array, gradient: LayerNorm, downstream: Array
 ) -> None:
     """Derivatives by weight, bias and x, from that by y."""
     width = np.float32(len(z))
@@ -186,4 +196,4 @@ def _norm_backward(
         plain += downstream[i]
         along += downstream[i] * z[i]
     for i in range(len(z)):
-        downstream[i] = scale * (downstream[i] - plain / width - z[i] * along / width)
+        downstream[i] = inverse * (downstream[i] - plain / width - z[i] * along / width)

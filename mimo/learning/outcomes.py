@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mimo.record.kernels import ONE, Array, adamw, kernel
+from mimo.record.kernels import ONE, Array, adamw, checked, kernel
 from mimo.settings import params
 from mimo.world.protocol import ACTIONS, JOINTS
 
@@ -74,9 +74,13 @@ class Outcomes:
         Args:
             action: (N, 12) bool, True where the joint moved.
             latent: (N, latent) float32, the h that followed.
+
+        Raises:
+            ValueError: an argument has another shape or type.
         """
+        latent = checked("latent", latent, (len(self._tables), self._latents.shape[-1]), np.float32)
         place = self._steps % self._settings.memory
-        self._rows[:, place, :JOINTS] = _rows(action)
+        self._rows[:, place, :JOINTS] = self._of(action)
         self._latents[:, place] = latent
         self._steps += 1
         held = min(self._steps, self._settings.memory)
@@ -91,7 +95,7 @@ class Outcomes:
     def influence(self) -> Array:
         """Causal influence of each action, paper eq. causality_continuous: W1 of p(h|a) and p(h), mean over the latent.
 
-        W1 is the mean distance of quantiles at the same level (paper eq. quantile_w2).
+        W1 is the mean distance of quantiles at the same level.
 
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of h.
@@ -106,13 +110,15 @@ class Outcomes:
 
         Returns:
             (N, 12, latent), in units of h.
+
+        Raises:
+            ValueError: the action has another shape or type.
         """
-        return np.stack([_means(tables, rows) for tables, rows in zip(self._tables, _rows(action), strict=True)])
+        return np.stack([_means(tables, rows) for tables, rows in zip(self._tables, self._of(action), strict=True)])
 
-
-def _rows(action: Array) -> Array:
-    """The rows of p(h|a) for actions (..., 12)."""
-    return action + ACTIONS * np.arange(JOINTS)
+    def _of(self, action: Array) -> Array:
+        """The rows (N, 12) of p(h|a)."""
+        return checked("action", action, (len(self._tables), JOINTS), bool) + ACTIONS * np.arange(JOINTS)
 
 
 @kernel

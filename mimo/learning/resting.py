@@ -43,17 +43,21 @@ def record(params: Params, trained: Trained, progress: Callable[[int], None] = l
         DivergedError: the physics diverged.
     """
     steps, worlds = params.calibrate.steps, params.calibrate.worlds
-    draws = [streams.generator(params.seed, "free", world, "calibrate") for world in range(worlds)]
+    draws, noise = (
+        [streams.generator(params.seed, "free", world, purpose) for world in range(worlds)]
+        for purpose in ("calibrate", "calibrate_noise")
+    )
     built = scene.build(params.world, params.protocol)
     action, path_length = np.empty((steps, worlds, JOINTS), bool), np.empty((steps, worlds), np.float32)
     latent = np.empty((steps + 1, worlds, params.encoder.latent), np.float32)
+    probability = resting_probability(params.agent)
     with Eye(built) as eye:
-        acting = Worlds(built, params.protocol, params.conditions.free.force, draws)
+        acting = Worlds(built, params.protocol, params.conditions.free.force, noise)
         experience = Experience(acting, eye, Extractor(params.encoder, trained))
         latent[0] = experience.perception.latent
         for step in range(steps):
             chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
-            action[step] = chance[0] < resting_probability(params.agent)
+            action[step] = chance[0] < probability
             _, found = experience.step(action[step], chance[1] < 0.5, attached=True)
             path_length[step], latent[step + 1] = found.path_length, found.latent
             progress((step + 1) * worlds)

@@ -5,6 +5,9 @@ put in another order, so vectors of any width give the same numbers. Additions, 
 exact by IEEE 754; exp and erf are ours, since a library's differ from machine to machine.
 """
 
+import functools
+import hashlib
+import platform
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -12,6 +15,7 @@ import numba
 import numpy as np
 
 from mimo.record import cache
+from mimo.record.runtime import KernelError
 
 F = TypeVar("F", bound=Callable[..., Any])
 Array = np.ndarray
@@ -41,6 +45,8 @@ ROOT_HALF = np.float32(0.5**0.5)
 BETA_1, BETA_2, DECAY = 0.9, 0.999, np.float32(0.01)
 KEPT_2, NEW_1, NEW_2, TINY = map(np.float32, (BETA_2, 1 - BETA_1, 1 - BETA_2, 1e-8))
 LANES = 8  # sums in `dot`
+# What `_computed` gives with this release of numba.
+FINGERPRINTS = {"0.68.1": "30498eb44cf05581"}
 
 
 def kernel(function: F) -> F:
@@ -48,6 +54,46 @@ def kernel(function: F) -> F:
     compiled: Any = numba.njit(fastmath=False, error_model="numpy")(function)
     cache.keep(compiled)
     return compiled  # type: ignore[no-any-return]
+
+
+@functools.cache
+def check() -> None:
+    """Make sure that kernels compute here as everywhere. Takes milliseconds, once.
+
+    Raises:
+        KernelError: they do not.
+    """
+    expected = FINGERPRINTS.get(numba.__version__)
+    if platform.machine() == "x86_64" and expected is not None and _computed() != expected:
+        raise KernelError(
+            "Results would be other bytes here: compiled kernels round otherwise than they should. Look for a library "
+            "that changed how this process computes (flush-to-zero), or for NUMBA_ variables."
+        )
+
+
+def _computed() -> str:
+    """A hash of what kernels make of numbers of all sizes, some of them below the normal ones."""
+    x = np.linspace(-9, 9, 512).astype(np.float32)
+    y = np.float32(1e-19) * x
+    numbers, moments = x.copy(), np.zeros((2, len(x)), np.float32)
+    adamw(numbers, y, moments[0], moments[1], np.float32(0.001), 1)
+    single = np.array([[exp(value), normal(value)] for value in x], np.float32)
+    products = np.array([dot(x, x[::-1].copy(), np.zeros(LANES, np.float32)), total(x.astype(float))])
+    found = hashlib.sha256()
+    for values in (single, products, numbers, moments):
+        found.update(values.tobytes())
+    return found.hexdigest()[:16]
+
+
+def checked(name: str, given: Array, shape: tuple[int, ...], dtype: Any) -> Array:
+    """An array for a kernel, contiguous: kernels read and write beyond an array's end without a word.
+
+    Raises:
+        ValueError: it has another shape or type.
+    """
+    if given.shape != shape or given.dtype != dtype:
+        raise ValueError(f"{name} must be {shape} of {np.dtype(dtype)}; it is {given.shape} of {given.dtype}.")
+    return np.ascontiguousarray(given)
 
 
 @kernel

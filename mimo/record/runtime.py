@@ -11,8 +11,9 @@ import importlib.metadata
 import os
 import platform
 import sys
+import textwrap
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from mimo.settings.errors import Fault
 
 if TYPE_CHECKING:
     import mujoco
+    import numpy as np
 
 # A variable that the user has set stays.
 ENVIRONMENT = {
@@ -42,10 +44,12 @@ KERNELS = {
 }
 INSTRUCTIONS = ("avx2", "fma")
 # What `_computed` gives under KERNELS with these releases.
-FINGERPRINTS = {("numpy", "2.4.6"): "c7168e68fe4c3ad6", ("torch", "2.13.0"): "bd5ef02e6f733b20"}
+FINGERPRINTS = {("numpy", "2.4.6"): "0d8b041a6d88fc35", ("torch", "2.13.0"): "bd5ef02e6f733b20"}
 # Libraries that bring an LLVM of their own. Loaded after Mesa has loaded its own, they end the process with a
 # segmentation fault; before, all is well. torch's CUDA build brings triton, and loads it with its first optimiser.
 BEFORE_GL = ("triton",)
+# Variables by which MuJoCo, PyOpenGL, EGL and Mesa choose what draws; where nothing does, one of them may be why.
+CHOOSING = ("MUJOCO_GL", "MUJOCO_EGL_DEVICE_ID", "PYOPENGL_PLATFORM", "EGL_", "__EGL_", "LIBGL_", "MESA_", "GALLIUM_")
 PACKAGES = ("libegl1", "libgl1-mesa-dri")  # Debian's: EGL itself, and Mesa's drivers behind it
 
 
@@ -58,12 +62,30 @@ class RenderError(Fault, RuntimeError):
 
 
 def prepare() -> None:
-    """Set ENVIRONMENT where it is not set (Linux; elsewhere MuJoCo's own choice is right), and KERNELS in any case."""
+    """Set ENVIRONMENT where it is not set (Linux; elsewhere MuJoCo's own choice is right), and KERNELS in any case.
+
+    Raises:
+        RenderError: MuJoCo does not take the MUJOCO_GL that the user has set.
+    """
     os.environ.update(KERNELS)
     if sys.platform == "linux":
         for name, value in ENVIRONMENT.items():
             if not os.environ.get(name):
                 os.environ[name] = value
+        if os.environ["MUJOCO_GL"] != "egl":
+            _load()
+
+
+def _load() -> None:
+    """MuJoCo, which may refuse the user's choice as it is imported.
+
+    Raises:
+        RenderError: it does.
+    """
+    try:
+        importlib.import_module("mujoco")
+    except Exception as fault:  # MuJoCo's or PyOpenGL's
+        raise RenderError(f"MuJoCo cannot be loaded ({_said(fault)}): {advice()}") from fault
 
 
 LATE = [name for name in ("numpy", "torch") if name in sys.modules]  # loaded before KERNELS were set
@@ -125,6 +147,7 @@ def _numpy() -> Iterator[Any]:
     x = np.linspace(0.1, 3.0, 4096)
     square = np.outer(x[:96], x[::-1][:96]) % 1.0
     yield from (np.exp(x), np.log(x), np.power(x, 1.3), np.arctan2(x, x[::-1]), square @ square.T)
+    yield np.float32(1e-38) * x.astype(np.float32)  # below the normal numbers, which some libraries have set to 0
 
 
 def _torch() -> Iterator[Any]:
@@ -137,9 +160,9 @@ def _torch() -> Iterator[Any]:
     y = torch.from_numpy(x).float()
     matrix = y.outer(y.flip(0))[:96, :96].frac()
     images = torch.from_numpy(np.resize(x, (2, 8, 32, 32))).float()
-    kernels = torch.from_numpy(np.resize(x % 0.7, (16, 8, 3, 3))).float()
+    filters = torch.from_numpy(np.resize(x % 0.7, (16, 8, 3, 3))).float()
     found = [y.exp(), y.erf(), y.log(), y.tanh(), matrix @ matrix.T, torch.softmax(matrix, -1)]
-    found += [torch.nn.functional.conv2d(batch, kernels, padding=1) for batch in (images, images[:1])]
+    found += [torch.nn.functional.conv2d(batch, filters, padding=1) for batch in (images, images[:1])]
     found += [torch.nn.functional.gelu(images)]
     torch.set_num_threads(threads)
     yield from (values.contiguous().numpy() for values in found)
@@ -159,15 +182,58 @@ def renderer(model: "mujoco.MjModel", height: int, width: int) -> "mujoco.Render
     try:
         return mujoco.Renderer(model, height, width)
     except Exception as fault:  # of MuJoCo, PyOpenGL or the driver, each with its own
+        raise RenderError(f"Pictures cannot be drawn off screen ({_said(fault)}): {advice()}") from fault
+
+
+def drawn(renderer: "mujoco.Renderer", out: "np.ndarray | None" = None) -> "np.ndarray":
+    """What a renderer's scene looks like, (height, width, 3) uint8, in `out` where given.
+
+    Raises:
+        RenderError: another thread has the renderer.
+    """
+    with _own_thread():
+        picture: np.ndarray = renderer.render(out=out)
+    return picture
+
+
+def close(renderer: "mujoco.Renderer") -> None:
+    """Free the GL context.
+
+    Raises:
+        RenderError: another thread has the renderer.
+    """
+    with _own_thread():
+        renderer.close()
+
+
+@contextmanager
+def _own_thread() -> Iterator[None]:
+    try:
+        yield
+    except Exception as fault:  # PyOpenGL's, of the driver
         raise RenderError(
-            f"Pictures cannot be drawn off screen ({type(fault).__name__}: {fault}): {_advice()}"
+            f"This thread cannot draw ({_said(fault)}): what draws belongs to the thread that drew first, so let each "
+            "thread make, reset, step and close an environment of its own."
         ) from fault
 
 
-def _advice() -> str:
-    chosen = os.environ.get("MUJOCO_GL", "")
-    if chosen != "egl":
-        return f"unset MUJOCO_GL (it is {chosen!r}) to use EGL."
-    if "mujoco.egl" not in sys.modules:
+def _said(fault: Exception) -> str:
+    """In one line, which is all that comes through from a worker; PyOpenGL's are many."""
+    return textwrap.shorten(f"{type(fault).__name__}: {fault}", 120, placeholder=" ...")
+
+
+def chosen() -> str:
+    """What is set in the environment that chooses another way to draw, as `NAME=value NAME=value`; empty if nothing."""
+    found = {name: value for name, value in os.environ.items() if name.startswith(CHOOSING) and value != "egl"}
+    if found.get("PYOPENGL_PLATFORM") == os.environ.get("MUJOCO_GL"):
+        found.pop("PYOPENGL_PLATFORM", None)  # MuJoCo's doing
+    return " ".join(f"{name}={value}" for name, value in found.items())
+
+
+def advice() -> str:
+    """What to do where nothing can be drawn."""
+    if listed := chosen():
+        return f"unset what chooses another way to draw, {listed}."
+    if "mujoco" in sys.modules and "mujoco.egl" not in sys.modules:
         return "MuJoCo was imported before mimo chose EGL; import mimo first, or set MUJOCO_GL=egl."
     return f"as root run `apt-get install {' '.join(PACKAGES)}`."

@@ -16,6 +16,7 @@ PURPOSES = (
     "encoder",
     "calibrate",
     "calibrate_memory",
+    "calibrate_noise",
 )
 CONDITIONS = ("free", "noisy")
 

@@ -36,7 +36,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
     frames = np.empty((*shape, SIZE, SIZE, 3), np.uint8)
     centres = np.empty((*shape, 3))
     first = params.protocol.updates_per_step - settings.pair_updates  # updates before the first frame of a pair
-    built = scene.build(params.world, params.protocol)
+    probability, built = resting_probability(params.agent), scene.build(params.world, params.protocol)
     with Eye(built) as eye:
         for index, (condition, attached) in enumerate(REGIMES):
             draws, noise = (
@@ -49,7 +49,7 @@ def collect(params: Params, progress: Callable[[int], None] = lambda steps: None
             worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, noise)
             for step in range(settings.steps):
                 chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
-                moved, positive = chance[0] < resting_probability(params.agent), chance[1] < 0.5
+                moved, positive = chance[0] < probability, chance[1] < 0.5
                 for frame, outcome in enumerate(worlds.pieces(moved, positive, attached, [first])):
                     centres[index, :, step, frame] = outcome.centre_of_mass
                     frames[index, :, step, frame] = eye.frames(worlds.qpos)

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mimo.record import artifact, runtime
+from mimo.record import artifact, kernels, runtime
 from mimo.settings import params
 from mimo.vision import inference
 
 SCHEMA = "encoder"
+READ = ("widths", "latent", "projection", "latent_sd")  # fields of params.Encoder on which h depends, once trained
 LEVELS = np.arange(1, 100) / 100.0  # probabilities at which the marginal quantiles of h are kept
 
 
@@ -44,11 +45,16 @@ class Extractor:
 
     def __init__(self, settings: params.Encoder, trained: Trained) -> None:
         runtime.check("numpy")
+        kernels.check()
         self._layers = inference.layers(trained.weights)
         self._mean, self._gain = trained.mean, np.float32(settings.latent_sd) / trained.sd
 
     def __call__(self, frames: np.ndarray) -> np.ndarray:
-        """(N, 128, 128, 3) uint8 frames to h (N, latent) float32."""
+        """(N, 128, 128, 3) uint8 frames to h (N, latent) float32.
+
+        Raises:
+            ValueError: frames of another shape or type.
+        """
         latent: np.ndarray = (inference.raw(self._layers, frames) - self._mean) * self._gain
         return latent
 

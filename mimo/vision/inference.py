@@ -3,11 +3,12 @@
 Four times a 3 x 3 convolution, instance normalisation, GELU and the mean over 2 x 2; then a linear layer.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from mimo.record.kernels import Array, kernel, normal, total
+from mimo.record.kernels import Array, checked, kernel, normal, total
 
 LAYERS = 4
 EPSILON = 1e-5  # torch's, of the variance in an instance normalisation
@@ -18,22 +19,28 @@ Layers = tuple[tuple[Array, ...], ...]
 
 
 def layers(weights: Mapping[str, Array]) -> Layers:
-    """What `raw` reads of a U-Net's weights: copies of the layers' kernels, biases, gains, shifts; `squeeze`'s two."""
+    """What `raw` reads of a U-Net's weights: copies of the layers' filters, biases, gains, shifts; `squeeze`'s two."""
     names = ("0.weight", "0.bias", "1.weight", "1.bias")
     down = (tuple(np.array(weights[f"down.{k}.{name}"], order="C") for k in range(LAYERS)) for name in names)
     return (*down, (np.array(weights["squeeze.weight"].T, order="C"), np.array(weights["squeeze.bias"])))
 
 
 def raw(given: Layers, frames: Array) -> Array:
-    """(N, side, side, 3) uint8 frames to raw h (N, latent) float32."""
-    kernels, biases, gains, shifts, (squeeze, offset) = given
-    return np.stack([_encoded(frame, kernels, biases, gains, shifts, squeeze, offset) for frame in frames])
+    """(N, side, side, 3) uint8 frames to raw h (N, latent) float32.
+
+    Raises:
+        ValueError: frames of another shape or type.
+    """
+    filters, biases, gains, shifts, (squeeze, offset) = given
+    side = 2**LAYERS * math.isqrt(len(squeeze) // len(biases[-1]))
+    frames = checked("frames", frames, (len(frames), side, side, 3), np.uint8)
+    return np.stack([_encoded(frame, filters, biases, gains, shifts, squeeze, offset) for frame in frames])
 
 
 @kernel
 def _encoded(
     frame: Array,
-    kernels: tuple[Array, ...],
+    filters: tuple[Array, ...],
     biases: tuple[Array, ...],
     gains: tuple[Array, ...],
     shifts: tuple[Array, ...],
@@ -49,7 +56,7 @@ def _encoded(
                 x[c, i + 1, j + 1] = np.float32(frame[i, j, c]) / WHITE
     for k in range(LAYERS):
         y = np.empty((len(biases[k]), side, side), np.float32)
-        _convolve(x, kernels[k], biases[k], y)
+        _convolve(x, filters[k], biases[k], y)
         _normalise(y, gains[k], shifts[k])
         side //= 2
         x = np.zeros((len(y), side + 2, side + 2), np.float32)

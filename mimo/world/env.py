@@ -128,14 +128,13 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (-0.05, 0, 0.2), 1.5, 130, -30
         option.tendongroup[:] = self._attached()
         self._view.update_scene(data, camera, option)
-        picture: np.ndarray = self._view.render()
-        return picture
+        return runtime.drawn(self._view)
 
     def close(self) -> None:
         """Free the GL contexts."""
         self._eye.close()
         if self._view is not None:
-            self._view.close()
+            runtime.close(self._view)
 
     def _attached(self) -> bool:
         return self._step < steps(self._protocol) and phase(self._protocol, self._step) == "attached"

@@ -37,7 +37,7 @@ class Eye:
         """(N, 128, 128, 3) uint8 pictures of worlds at generalised positions `qpos` (N, nq).
 
         Raises:
-            RenderError: there is no GL context to be had.
+            RenderError: there is no GL context to be had, or it is another thread's.
         """
         renderer = self._renderer = self._renderer or self._opened()
         frames = np.empty((len(qpos), SIZE, SIZE, 3), np.uint8)
@@ -46,13 +46,13 @@ class Eye:
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
             renderer.update_scene(self._data, self._camera, self._option)
-            renderer.render(out=frame)
+            runtime.drawn(renderer, frame)
         return frames
 
     def close(self) -> None:
         """Free the GL context, if there is one."""
         if self._renderer is not None:
-            self._renderer.close()
+            runtime.close(self._renderer)
 
     def _opened(self) -> mujoco.Renderer:
         renderer = runtime.renderer(self._model, SIZE, SIZE)

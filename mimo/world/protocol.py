@@ -10,6 +10,8 @@ if TYPE_CHECKING:
 JOINTS = 12  # actuated, paper appendix; named in body.ACTUATED
 ACTIONS = 2  # of each joint, paper §2.3
 NO_TORQUE, MOVE = range(ACTIONS)
+# Fields of params.Protocol that decide what a step does; the others are the phases' lengths.
+STEP = ("limb", "updates_per_step", "torque_updates", "timestep")
 PHASES = ("baseline", "attached", "extinction")
 
 

@@ -50,10 +50,10 @@ class Scene:
 
     def centre_of_mass(self, qpos: np.ndarray) -> np.ndarray:
         """The mobile's centre of mass (..., 3) in m, of generalised positions (..., nq)."""
-        body = self.model.body(self.mobile)
-        first = self.model.jnt_qposadr[body.jntadr[0]]
+        pivot, arm = self.model.body_pos[self.mobile], self.model.body_ipos[self.mobile]
+        first = self.model.jnt_qposadr[self.model.body_jntadr[self.mobile]]
         w, turn = qpos[..., first, None], qpos[..., first + 1 : first + 4]  # a unit quaternion
-        place: np.ndarray = body.pos + body.ipos + 2 * np.cross(turn, np.cross(turn, body.ipos) + w * body.ipos)
+        place: np.ndarray = pivot + arm + 2 * np.cross(turn, np.cross(turn, arm) + w * arm)
         return place
 
 

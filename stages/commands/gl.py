@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 
+from mimo.record import runtime
 from mimo.record.runtime import PACKAGES
 from stages.base import paths
 
@@ -66,13 +67,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m stages.commands.gl", description=__doc__)
     parser.add_argument("--install", action="store_true", help="as root on Debian: install what is missing")
     wanted = parser.parse_args(arguments).install
-    platform = os.environ["MUJOCO_GL"]
     if draws():
         return 0
-    advice = f"as root run `apt-get install {' '.join(PACKAGES)}`."
-    if platform != "egl":
-        advice = f"unset MUJOCO_GL (it is {platform!r}) to use EGL."
-    elif wanted and os.geteuid() == 0 and shutil.which("apt-get"):
+    advice = runtime.advice()
+    if wanted and not runtime.chosen() and os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"Installing {' and '.join(PACKAGES)} for off-screen rendering.", flush=True)
         if install() and draws():
             return 0

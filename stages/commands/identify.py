@@ -14,7 +14,6 @@ from mimo.record import artifact, identity
 from mimo.settings import params, studies
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from mimo.vision import extractor
 from stages import collect, effects, trial
 from stages import encoder as training
 from stages.base import console, paths, store
@@ -83,7 +82,7 @@ def changed(own: Inputs, tree: Inputs) -> Iterator[str]:
 def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     """As the paper's own run or as a variant's: the one that its place names, or, in the store, any."""
     assert held.inputs is not None
-    sight = store.sight(artifact.read(paths.ENCODER, extractor.SCHEMA))
+    sight = store.sight(artifact.read(paths.ENCODER, store.ENCODER))
     parts = path.resolve().parts
     variants = {"": p} | _variants(p)
     if paths.VARIANTS.name in parts:
@@ -107,13 +106,13 @@ def _variants(p: Params) -> dict[str, Params]:
 
 
 def _scales(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
-    sight = store.sight(artifact.read(paths.ENCODER, extractor.SCHEMA))
+    sight = store.sight(artifact.read(paths.ENCODER, store.ENCODER))
     for own in (p, *_variants(p).values()):
         yield scales.digest(own, sight).inputs
 
 
 def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
-    sight = store.sight(artifact.read(paths.ENCODER, extractor.SCHEMA))
+    sight = store.sight(artifact.read(paths.ENCODER, store.ENCODER))
     asked = studies.load(p).effects
     for own in (p, *(params.changed(p, values) for values in asked.alternatives.values())):
         yield effects.digest(own, asked, sight).inputs
@@ -155,7 +154,7 @@ TREE: dict[str, Callable[[artifact.Artifact, Path, Params], Iterator[Inputs]]] =
     store.SCALE: _scales,
     store.EFFECT: _effects,
     store.FRAME: _frames,
-    extractor.SCHEMA: _encoders,
+    store.ENCODER: _encoders,
     store.RESULTS: _curves,
     store.VARIANTS: _curves,
 }

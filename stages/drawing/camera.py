@@ -80,12 +80,11 @@ class Camera:
         self._renderer.update_scene(self._data, self._camera, self._option)
         if self._wall:
             self._hang_wall(self._renderer.scene)
-        picture: np.ndarray = self._renderer.render()
-        return picture
+        return runtime.drawn(self._renderer)
 
     def close(self) -> None:
         """Free the GL context."""
-        self._renderer.close()
+        runtime.close(self._renderer)
 
     def _light(self, mirror: int, size: tuple[int, int], place: Place) -> None:
         """A lamp above, where the scene's own shines from below for the eye."""

@@ -5,8 +5,11 @@ come out again, to the bit on a machine of the same class; else there is no film
 """
 
 import io
-from collections.abc import Iterator, Mapping
-from contextlib import closing
+import multiprocessing
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -20,7 +23,7 @@ from mimo.vision import extractor
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.protocol import phase
-from stages.base import console, difference, provenance
+from stages.base import console, difference, provenance, workers
 from stages.drawing import sheet, video
 from stages.drawing.camera import Camera
 from stages.drawing.sheet import Sheet
@@ -29,6 +32,7 @@ from stages.sweep import curves
 # On another class of machine contacts amplify a last bit: single steps differ, by a fifth of the path's range, but soon
 # agree again. Measured, with another libm and torch without AVX: at most .014 of a dataset's range.
 TOLERANCE = 0.03  # of a dataset's range, mean over the steps
+AHEAD = 64  # pictures that wait to be encoded, at most
 NEW = 1.0  # s for which a shot's title is set off
 
 
@@ -61,29 +65,78 @@ def filmed(p: params.Params, run: artifact.Artifact, trained: extractor.Trained)
     Raises:
         console.StageError: the run's actions do not lead to what it recorded.
     """
-    phases = curves.phases(p)
-    plan = shots(phases, p.film.steps)
+    plan = shots(curves.phases(p), p.film.steps)
     shown = {step for shot in plan for step in shot.steps}
     built = scene.build(p.world, p.protocol)
-    drawn = Sheet(run, phases, p.film.width)
-    *_, width, height = drawn.pixels(sheet.VIEW)
-    with Eye(built) as eye, closing(Camera(built, p.protocol.limb, drawn.colour, (height, width))) as view:
-        with console.Progress("Replay", max(shown) + 1, "agent steps") as progress:
-            found = replay(p, run, built, eye, extractor.Extractor(p.encoder, trained), shown, progress.update)
-        check(run, found.record)
-        listed = list(moments(p, plan, found.positions))
-
-        def picture(moment: Moment) -> np.ndarray:
-            attached = phase(p.protocol, moment.step) == "attached"
-            beside, within = view.picture(moment.qpos, attached), eye.frames(moment.qpos[None])[0]
-            return drawn.at(moment.step, moment.title, moment.new, beside, within)
-
+    with Eye(built) as eye, console.Progress("Replay", max(shown) + 1, "agent steps") as progress:
+        found = replay(p, run, built, eye, extractor.Extractor(p.encoder, trained), shown, progress.update)
+    check(run, found.record)
+    listed = list(moments(p, plan, found.positions))
+    late = [moment for moment in listed if moment.title == plan[2].title]
+    with _painters(p, run) as painted:
         with console.Progress("Film", len(listed), "pictures") as progress:
-            film = video.encoded(_counted(map(picture, listed), progress), _rate(p))
+            film = video.encoded(_counted(painted(listed), progress), _rate(p))
         poster = io.BytesIO()
-        late = [moment for moment in listed if moment.title == plan[2].title]
-        Image.fromarray(picture(late[len(late) // 2])).save(poster, "png", optimize=True)
+        (picture,) = painted([late[len(late) // 2]])
+        Image.fromarray(picture).save(poster, "png", optimize=True)
     return film, poster.getvalue()
+
+
+class Painter:
+    """Draws a run's moments.
+
+    Args:
+        p: what the run was made with.
+        run: its record.
+    """
+
+    def __init__(self, p: params.Params, run: artifact.Artifact) -> None:
+        built = scene.build(p.world, p.protocol)
+        self._protocol, self._sheet = p.protocol, Sheet(run, curves.phases(p), p.film.width)
+        *_, width, height = self._sheet.pixels(sheet.VIEW)
+        self._eye = Eye(built)
+        self._camera = Camera(built, p.protocol.limb, self._sheet.colour, (height, width))
+
+    def __call__(self, moment: Moment) -> np.ndarray:
+        """(height, width, 3) uint8, the sheet of a moment."""
+        attached = phase(self._protocol, moment.step) == "attached"
+        beside, within = self._camera.picture(moment.qpos, attached), self._eye.frames(moment.qpos[None])[0]
+        return self._sheet.at(moment.step, moment.title, moment.new, beside, within)
+
+    def close(self) -> None:
+        """Free the GL contexts."""
+        self._eye.close()
+        self._camera.close()
+
+
+@contextmanager
+def _painters(p: params.Params, run: artifact.Artifact) -> Iterator[Callable[[Sequence[Moment]], Iterator[np.ndarray]]]:
+    """Processes that draw a run's moments, in their order: a picture costs ten times what it takes to encode it."""
+    fresh = multiprocessing.get_context("spawn")  # a GL context is of no use after a fork
+    with ProcessPoolExecutor(workers.count(), fresh, _begin, (p, run)) as pool:
+
+        def painted(listed: Sequence[Moment]) -> Iterator[np.ndarray]:
+            coming: deque[Future[np.ndarray]] = deque()
+            for moment in listed:
+                coming.append(pool.submit(_paint, moment))
+                if len(coming) > AHEAD:
+                    yield coming.popleft().result()
+            yield from (picture.result() for picture in coming)
+
+        yield painted
+
+
+_painter: Painter  # of a process that draws
+
+
+def _begin(p: params.Params, run: artifact.Artifact) -> None:
+    global _painter  # noqa: PLW0603  # one a process
+    console.die_with_parent()
+    _painter = Painter(p, run)
+
+
+def _paint(moment: Moment) -> np.ndarray:
+    return _painter(moment)
 
 
 def shots(phases: Mapping[str, slice], steps: int) -> list[Shot]:

@@ -25,6 +25,7 @@ import mimo
 import stages
 from mimo.record import identity, runtime
 from stages.base import console, paths, provenance
+from stages.base.workers import VARIABLE, count
 
 POLL_SECONDS = 1.0
 RETRIES = 3  # of a task whose worker or node was lost
@@ -71,12 +72,15 @@ class Crew(Protocol):
 
 
 def asked(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    """The command line, with `workers`: SERIAL for --serial, None for as many as there are CPUs."""
+    """The command line, with `workers`: SERIAL for --serial, None for what workers.count gives."""
     parser.epilog = "The bytes are the same with any workers."
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--serial", action="store_const", const=SERIAL, dest="workers", help="here, without Ray")
     group.add_argument(
-        "--workers", type=_some, metavar="N", help="Ray workers on this machine (default: one a CPU that may be used)"
+        "--workers",
+        type=_some,
+        metavar="N",
+        help=f"Ray workers here (default: {VARIABLE}, or one a CPU that may be used)",
     )
     return parser.parse_args()
 
@@ -115,13 +119,6 @@ def assembled(workers: int | None, little: bool, report: Callable[[Mapping[str, 
     else:
         with _ray(lambda: _start(workers)):
             yield _OnRay(report)
-
-
-def cpus() -> int:
-    """How many CPUs this process may use, by its affinity and its cgroup's limit."""
-    import joblib  # late: only where Ray is started
-
-    return int(joblib.cpu_count())
 
 
 def room(workers: int) -> int:
@@ -309,7 +306,7 @@ def _start(workers: int | None) -> None:
         try:
             ray.init(
                 address="local",
-                num_cpus=workers or cpus(),
+                num_cpus=workers or count(),
                 include_dashboard=False,
                 log_to_driver=False,
                 logging_level=logging.ERROR,

@@ -11,7 +11,9 @@ import numpy as np
 from mimo.learning import calibrate, resting, rewards
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
+from mimo.vision import extractor
 from mimo.vision.extractor import Trained
+from mimo.world import protocol
 from stages.base import store
 
 
@@ -33,8 +35,8 @@ def rest_digest(p: Params, encoder_hash: str) -> identity.Digest:
 def _digest(p: Params, encoder_hash: str, own: dict[str, object], modules: Sequence[str]) -> identity.Digest:
     inputs = {
         "params": {name: getattr(p, name).model_dump() for name in ("world", "calibrate")}
-        | {name: getattr(p.protocol, name) for name in ("limb", "updates_per_step", "torque_updates", "timestep")}
-        | {name: getattr(p.encoder, name) for name in ("widths", "latent", "projection", "latent_sd")}
+        | {name: getattr(p.protocol, name) for name in protocol.STEP}
+        | {name: getattr(p.encoder, name) for name in extractor.READ}
         | {
             "seed": p.seed,
             "force": p.conditions.free.force,

@@ -78,7 +78,7 @@ def write_manifest(path: Path, listed: list[Run]) -> None:
 
 def wanted(job: Job) -> list[Run]:
     """All runs of the job, by variant, condition, reward and seed."""
-    encoder_hash = store.sight(artifact.from_bytes(job.encoder, extractor.SCHEMA, source=paths.ENCODER))
+    encoder_hash = store.sight(artifact.from_bytes(job.encoder, store.ENCODER, source=paths.ENCODER))
     return [
         run
         for variant, grid in job.grids.items()
@@ -151,7 +151,7 @@ def work(job: Job, chunk: Chunk, report: crew.Report) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
     grid, condition, reward = job.grids[first.variant], first.condition, first.reward
-    held = artifact.from_bytes(job.encoder, extractor.SCHEMA)
+    held = artifact.from_bytes(job.encoder, store.ENCODER)
     seeds = [run.seed for run in chunk.runs]
     if runs_of(job, store.sight(held), first.variant, condition, reward, seeds) != list(chunk.runs):
         raise console.StageError("the code or the libraries changed after the sweep began; run it again")

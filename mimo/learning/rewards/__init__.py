@@ -6,12 +6,15 @@ To add one, put a file here with a subclass of Reward: params.yaml then accepts 
 
 import importlib
 import pkgutil
+from collections.abc import Iterable
+
+import numpy as np
 
 from mimo.learning.rewards.reward import REWARDS, Reward, Transition
 from mimo.settings.errors import Fault
 from mimo.settings.section import Section
 
-__all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "parts"]
+__all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "paid", "parts"]
 
 
 class RewardFileError(Fault):
@@ -31,6 +34,10 @@ class UnknownRewardError(LookupError):
     """A reward's name that no class has; the message is a sentence."""
 
 
+class RewardError(Fault, RuntimeError):
+    """A reward gave something that is none; the message names it."""
+
+
 def parts(name: str, settings: Section) -> list[Reward]:
     """The rewards that `name` adds up, in its order: `mtl_surprise` is MTL and Surprise.
 
@@ -42,6 +49,24 @@ def parts(name: str, settings: Section) -> list[Reward]:
         UnknownRewardError: a part is no reward's name.
     """
     return [kind(getattr(settings, kind.name) if kind.Constants else None) for kind in _kinds(name)]
+
+
+def paid(terms: Iterable[Reward], t: Transition) -> list[np.ndarray]:
+    """What each reward gives for a step: (N, 12) float32, in its own units.
+
+    Raises:
+        RewardError: a reward gives another shape, or no numbers.
+    """
+    found = []
+    for term in terms:
+        values = np.asarray(term(t))
+        if values.shape != t.action.shape or values.dtype.kind not in "biuf":
+            raise RewardError(
+                f"reward {term.name} must give numbers {t.action.shape}, one a joint of each seed; "
+                f"it gave {values.shape} of {values.dtype}."
+            )
+        found.append(values.astype(np.float32))
+    return found
 
 
 def needs_outcomes(name: str) -> bool:

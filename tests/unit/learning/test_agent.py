@@ -195,3 +195,33 @@ def test_a_value_once_given_is_not_changed_by_what_follows() -> None:
     before = first.copy()
     one.values(normal(generator, 1, INPUTS))
     assert (first == before).all()
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"reward": np.zeros((1, 1), np.float32)}, r"^reward must be \(1, 12\) of float32; it is \(1, 1\) of float32"),
+        ({"reward": np.zeros((1, JOINTS))}, r"^reward must be \(1, 12\) of float32; it is \(1, 12\) of float64"),
+        ({"action": np.full((1, JOINTS), 7)}, r"^action must be \(1, 12\) of bool; it is \(1, 12\) of int64"),
+        ({"next_state": np.zeros((1, 3), np.float32)}, r"^next_state must be \(1, 111\) of float32"),
+    ],
+)
+def test_what_would_be_read_beyond_its_end_is_refused(changed: dict[str, np.ndarray], message: str) -> None:
+    one = agents([0])
+    state, still = np.zeros((1, INPUTS), np.float32), np.zeros((1, JOINTS), bool)
+    one.values(state)
+    given = {"action": still, "reward": np.zeros((1, JOINTS), np.float32), "next_state": state} | changed
+    with pytest.raises(ValueError, match=message):
+        one.update(**given)
+    with pytest.raises(ValueError, match="^state must be"):
+        one.values(state[:, :-1])
+
+
+def test_an_update_without_its_values_is_refused() -> None:
+    """It would learn from a state of which nothing is known."""
+    one, state = agents([0]), np.zeros((1, INPUTS), np.float32)
+    given = (np.zeros((1, JOINTS), bool), np.zeros((1, JOINTS), np.float32), state)
+    one.values(state)
+    one.update(*given)
+    with pytest.raises(RuntimeError, match="^Ask for the values"):
+        one.update(*given)

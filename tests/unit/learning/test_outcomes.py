@@ -163,3 +163,14 @@ def test_a_seeds_bytes_do_not_depend_on_its_companions() -> None:
     for seeds in ([0], [7, 9], [8, 7, 1, 0, 2]):
         for seed, seen in history(seeds, 200).items():
             assert seen == whole[seed], f"seed {seed} among {seeds}"
+
+
+def test_what_would_be_read_beyond_its_end_is_refused() -> None:
+    outcomes = Outcomes(settings(), initial(), [np.random.default_rng(0)])
+    still, latent = np.zeros((1, JOINTS), bool), np.zeros((1, LATENT), np.float32)
+    with pytest.raises(ValueError, match=r"^action must be \(1, 12\) of bool; it is \(1, 12\) of int64\.$"):
+        outcomes.update(np.full((1, JOINTS), 7), latent)
+    with pytest.raises(ValueError, match=r"^latent must be \(1, 64\) of float32; it is \(1, 63\) of float32\.$"):
+        outcomes.update(still, latent[:, 1:])
+    with pytest.raises(ValueError, match=r"^action must be \(1, 12\) of bool; it is \(1, 11\) of bool\.$"):
+        outcomes.expectation(still[:, 1:])

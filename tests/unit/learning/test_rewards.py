@@ -114,6 +114,34 @@ def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
         assert same(alone[0], stack[seed])
 
 
+class Odd:
+    """A reward as its author may get it wrong."""
+
+    name = "odd"
+
+    def __init__(self, given: Any) -> None:
+        self.given = given
+
+    def __call__(self, t: Transition) -> Any:
+        return self.given
+
+
+@pytest.mark.parametrize(
+    "given", [np.zeros((2, 1)), np.zeros(JOINTS), 0.5, np.zeros((2, JOINTS), complex), None], ids=str
+)
+def test_what_is_no_reward_is_refused_by_name(given: Any) -> None:
+    with pytest.raises(
+        rewards.RewardError, match=r"^reward odd must give numbers \(2, 12\), one a joint of each seed;"
+    ):
+        rewards.paid([Odd(given)], transition())  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("number", [1, True, 0.1])
+def test_whatever_numbers_a_reward_gives_are_paid_in_single_precision(number: float) -> None:
+    (paid,) = rewards.paid([Odd(np.full((2, JOINTS), number))], transition())  # type: ignore[list-item]
+    assert same(paid, np.full((2, JOINTS), np.float32(number)))
+
+
 def test_parts_follow_the_name() -> None:
     assert tuple(name for name in REWARDS if name in PAPERS) == PAPERS
     assert [part.name for part in rewards.parts("mtl_surprise", settings())] == ["mtl", "surprise"]

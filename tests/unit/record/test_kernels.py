@@ -1,5 +1,8 @@
 """The kernels' arithmetic against scipy's and torch's."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -53,3 +56,23 @@ def test_adamw_is_torchs() -> None:
         optimizer.step()
         kernels.adamw(x, gradient, first, second, np.float32(0.01), count)
         np.testing.assert_allclose(x, twin.numpy(), atol=2e-5)
+
+
+FLUSHED = """
+from mimo.record import kernels, runtime
+import torch
+assert torch.set_flush_denormal({})
+for check in (lambda: runtime.check("numpy"), kernels.check):
+    try:
+        check()
+        print("the same")
+    except runtime.KernelError as fault:
+        print(fault)
+"""
+
+
+@pytest.mark.parametrize(("flush", "said"), [(False, "the same\n"), (True, "Results would be other bytes here: ")])
+def test_a_process_in_which_the_smallest_numbers_count_as_0_is_refused(flush: bool, said: str) -> None:
+    """Some libraries set that when they are loaded, for all that their thread computes."""
+    done = subprocess.run([sys.executable, "-c", FLUSHED.format(flush)], capture_output=True, text=True)
+    assert done.stdout.count(said) == 2, done.stderr

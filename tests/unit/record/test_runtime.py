@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -73,18 +74,65 @@ def test_what_the_user_has_set_stays() -> None:
     ("before", "variables", "advice"),
     [
         ("import mujoco", {}, "MuJoCo was imported before mimo chose EGL; import mimo first, or set MUJOCO_GL=egl."),
-        ("", {"MUJOCO_GL": "off"}, "unset MUJOCO_GL (it is 'off') to use EGL."),
-        ("", {"__EGL_VENDOR_LIBRARY_FILENAMES": "/none"}, "as root run `apt-get install libegl1 libgl1-mesa-dri`."),
+        *(
+            ("", {name: value}, f"unset what chooses another way to draw, {name}={value}.")
+            for name, value in (
+                ("MUJOCO_GL", "off"),
+                ("MUJOCO_GL", "wgl"),  # refused as MuJoCo is imported
+                ("MUJOCO_GL", "glfw"),
+                ("MUJOCO_GL", "osmesa"),
+                ("PYOPENGL_PLATFORM", "osmesa"),
+                ("MUJOCO_EGL_DEVICE_ID", "99"),
+                ("__EGL_VENDOR_LIBRARY_FILENAMES", "/none"),
+                ("GALLIUM_DRIVER", "none"),
+            )
+        ),
     ],
 )
 def test_where_nothing_can_be_drawn_a_sentence_says_what_to_do(
     before: str, variables: dict[str, str], advice: str
 ) -> None:
+    """In one line, since the last is all that a worker's fault comes through with."""
     done = run(f"{before}\n{DRAW}", **variables)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("mimo.record.runtime.RenderError: Pictures cannot be drawn off screen (")
+    assert re.match(
+        r"mimo\.record\.runtime\.RenderError: (Pictures cannot be drawn off screen|MuJoCo cannot be) ", last
+    )
     assert last.endswith(f": {advice}")
+
+
+THREADS = """
+import threading
+from mimo.world.env import MIMoMobileEnv
+def tried(*calls):
+    try:
+        for call in calls:
+            call()
+        said.append("drawn")
+    except Exception as fault:
+        said.append(f"{type(fault).__name__}: {fault}")
+said = []
+own, others = MIMoMobileEnv(), [MIMoMobileEnv(), MIMoMobileEnv()]
+threads = [threading.Thread(target=tried, args=(env.reset, env.close)) for env in others]
+own.reset(seed=0)
+threads += [threading.Thread(target=tried, args=[call]) for call in (own.reset, own.close)]
+for thread in threads:
+    thread.start()
+    thread.join()
+own.reset(seed=0)
+print(*said, sep="\\n")
+"""
+
+
+def test_an_environment_draws_in_the_thread_that_resets_it_and_says_so_elsewhere() -> None:
+    done = run(THREADS)
+    assert done.returncode == 0, done.stderr
+    *drawn, reset, closed = done.stdout.splitlines()
+    assert drawn == ["drawn", "drawn"]
+    for said in (reset, closed):
+        assert said.startswith("RenderError: This thread cannot draw (EGLError: ")
+        assert said.endswith("let each thread make, reset, step and close an environment of its own.")
 
 
 def test_torch_after_a_picture_does_not_end_the_process() -> None:

@@ -35,12 +35,12 @@ def test_no_two_streams_of_a_sweep_begin_alike() -> None:
 
 
 def test_streams_are_uncorrelated() -> None:
-    """No two of 80 streams correlate, lagged or not, beyond what chance gives 4000 draws."""
+    """No two of the streams correlate, lagged or not, beyond what chance gives 4000 draws."""
     keys = itertools.product(streams.CONDITIONS, range(4), streams.PURPOSES)
     draws = np.stack([streams.generator(ROOT, *key).standard_normal(4001) for key in keys])
     for lag in (0, 1):
-        found = np.corrcoef(draws[:, :4000], draws[:, lag : 4000 + lag])[:80, 80:]
-        off = found[~np.eye(80, dtype=bool)]
+        found = np.corrcoef(draws[:, :4000], draws[:, lag : 4000 + lag])[: len(draws), len(draws) :]
+        off = found[~np.eye(len(draws), dtype=bool)]
         assert np.abs(off).max() < 6 / np.sqrt(4000)
         assert off.std() == pytest.approx(1 / np.sqrt(4000), rel=0.1)
 
@@ -62,7 +62,7 @@ def test_streams_stay_what_they_were() -> None:
     assert drawn == np.random.Generator(np.random.PCG64(sequence)).integers(0, 10**6, 3).tolist()
     assert streams.PURPOSES == (
         "noise", "direction", "policy", "weights", "memory",
-        "collect", "collect_noise", "encoder", "calibrate", "calibrate_memory",
+        "collect", "collect_noise", "encoder", "calibrate", "calibrate_memory", "calibrate_noise",
     )  # fmt: skip
     assert streams.CONDITIONS == ("free", "noisy")
 

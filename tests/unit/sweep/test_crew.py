@@ -4,17 +4,36 @@ import os
 import subprocess
 import sys
 
+import pytest
+
+from stages.base import console, workers
+
+ONE_CPU = "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})"
 SCRIPT = """
 import os
-os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+{}
 from stages.sweep import crew
 with crew.assembled(None, False, lambda steps: None) as team:
     print(team.workers())
 """
 
 
-def test_there_are_no_more_workers_than_cpus_that_the_process_may_use() -> None:
+@pytest.mark.parametrize(
+    ("first", "variables", "expected"),
+    [(ONE_CPU, {}, 1), (ONE_CPU, {"MIMO_WORKERS": "3"}, 3)],
+    ids=["CPUs", "variable"],
+)
+def test_there_are_as_many_workers_as_cpus_that_the_process_may_use_or_as_asked(
+    first: str, variables: dict[str, str], expected: int
+) -> None:
     """Under a real Ray."""
-    own = {name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}
-    done = subprocess.run([sys.executable, "-c", SCRIPT], env=own, capture_output=True, text=True)
-    assert done.stdout == "1\n", done.stderr
+    own = {name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"} | variables
+    done = subprocess.run([sys.executable, "-c", SCRIPT.format(first)], env=own, capture_output=True, text=True)
+    assert done.stdout == f"{expected}\n", done.stderr
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "two", "1.5"])
+def test_a_number_of_workers_that_is_none_is_refused_in_a_sentence(given: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(workers.VARIABLE, given)
+    with pytest.raises(console.StageError, match=f"^MIMO_WORKERS is '{given}': it must be a whole number, at least 1"):
+        workers.count()

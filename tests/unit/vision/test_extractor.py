@@ -50,6 +50,15 @@ def test_h_is_the_same_bytes_in_any_company(few: np.ndarray) -> None:
     assert extract(frames[order]).tobytes() == together[order].tobytes()
 
 
+@pytest.mark.parametrize(
+    "frames", [np.zeros((1, 64, 64, 3), np.uint8), np.zeros((1, 128, 128, 3))], ids=["side", "type"]
+)
+def test_other_frames_are_refused(frames: np.ndarray) -> None:
+    """They would be read beyond their end."""
+    with pytest.raises(ValueError, match=r"^frames must be \(1, 128, 128, 3\) of uint8; it is"):
+        Extractor(SETTINGS, untrained(SETTINGS))(frames)
+
+
 def test_the_extractor_is_frozen(few: np.ndarray) -> None:
     made = untrained(SETTINGS)
     extract = Extractor(SETTINGS, made)

@@ -213,7 +213,7 @@ def test_what_would_be_read_beyond_its_end_is_refused(changed: dict[str, np.ndar
     given = {"action": still, "reward": np.zeros((1, JOINTS), np.float32), "next_state": state} | changed
     with pytest.raises(ValueError, match=message):
         one.update(**given)
-    with pytest.raises(ValueError, match="^state must be"):
+    with pytest.raises(ValueError, match=r"^state must be"):
         one.values(state[:, :-1])
 
 
@@ -223,5 +223,5 @@ def test_an_update_without_its_values_is_refused() -> None:
     given = (np.zeros((1, JOINTS), bool), np.zeros((1, JOINTS), np.float32), state)
     one.values(state)
     one.update(*given)
-    with pytest.raises(RuntimeError, match="^Ask for the values"):
+    with pytest.raises(RuntimeError, match=r"^Ask for the values"):
         one.update(*given)

@@ -1,6 +1,6 @@
 """Worlds in lock step: one C call advances every world by one agent step (paper §2.3).
 
-A world's numbers depend on its own generator alone, never on how many worlds share the call.
+A world's numbers depend on its own generator alone, never on how many worlds or threads share the call.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,13 +43,16 @@ class Worlds:
         protocol: timing.
         force: N, applied to the mobile in a fresh random direction at every update (paper §2.4); 0 for none.
         noise: one generator a world, for the force's directions.
+        threads: that advance the worlds.
     """
 
-    def __init__(self, scene: Scene, protocol: Protocol, force: float, noise: Sequence[np.random.Generator]) -> None:
+    def __init__(
+        self, scene: Scene, protocol: Protocol, force: float, noise: Sequence[np.random.Generator], threads: int = 1
+    ) -> None:
         self.scene = scene
         self.size = len(noise)
         self._protocol, self._force, self._noise = protocol, force, noise
-        self._batch = batch.Batch(scene.model, nsim=self.size, nthread=1)
+        self._batch = batch.Batch(scene.model, nsim=self.size, nthread=threads)
         self._qpos = self._batch.bind("qpos")
         self._time = self._batch.bind("time")
         self._rope = self._batch.expand("tendon_stiffness")

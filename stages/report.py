@@ -15,8 +15,8 @@ LOCK = Path("requirements.lock")
 def main() -> None:
     """Write the page."""
     p = params.load()
-    versions = page.versions(LOCK.read_text())
-    html = page.index(page.gathered(p), p.protocol, constants(paths.PARAMS.read_text()), versions)
+    versions = page.versions(LOCK.read_text(encoding="utf-8"))
+    html = page.index(page.gathered(p), p.protocol, constants(paths.PARAMS.read_text(encoding="utf-8")), versions)
     artifact.publish(html.encode(), paths.REPORT)
 
 

@@ -15,7 +15,7 @@ def main() -> None:
         raise console.StageError("usage: python -m stages.runs MANIFEST")
     params.load()
     manifest = Path(sys.argv[1])
-    for run in json.loads(manifest.read_text()):
+    for run in json.loads(manifest.read_text(encoding="utf-8")):
         name = f"{run['condition']}, {run['reward']}, seed {run['seed']}"
         remedy = f"run `dvc repro --force {'studies/dvc.yaml:vary' if run['variant'] else 'train'}`"
         target = paths.run(run["condition"], run["reward"], run["seed"], run["variant"])

@@ -16,7 +16,7 @@ def main() -> None:
         page.read(paths.CLAIMS),
         page.read(paths.VARIANT_CLAIMS)["variants"],
         page.read(paths.EFFECTS),
-        constants(studies.PATH.read_text()),
+        constants(studies.PATH.read_text(encoding="utf-8")),
     )
     artifact.publish(html.encode(), paths.STUDIES)
 

@@ -27,6 +27,7 @@ LINE_SECONDS = 30  # between lines where there is no terminal
 MEND = "free space or mend permissions, then run again"
 STOPPED = "Stopped; what was finished is kept."
 REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}  # of a disk
+OLD = 600  # s after which nobody writes at a file any more
 WATCH_SECONDS = 0.25  # between looks whether `dvc repro` still runs
 
 
@@ -37,7 +38,7 @@ class StageError(Fault):
 def main(work: Callable[[], None]) -> int:
     """Run a stage; the exit code is 0 if it succeeded.
 
-    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.LOG. SIGINT and SIGTERM
+    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.log(). SIGINT and SIGTERM
     end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
     """
     atexit.register(gc.freeze)  # else Python looks through all of torch for garbage before it ends, for a second
@@ -70,7 +71,7 @@ def alone() -> Iterator[None]:
     """
     try:
         paths.LOCK.parent.mkdir(exist_ok=True)
-        file = paths.LOCK.open("a+", errors="replace")
+        file = paths.LOCK.open("a+", encoding="utf-8", errors="replace")
     except OSError as fault:
         raise StageError(f"{paths.LOCK} cannot be opened ({fault.strerror}); {MEND}.") from fault
     with file:
@@ -91,10 +92,14 @@ def alone() -> Iterator[None]:
 
 
 def _drop_parts() -> None:
-    """Remove what artifact.publish was writing when its process was killed; `.work` may hold other projects, deeper."""
-    left = [*paths.STORE.glob("*/.*.part")]
-    for folder in (paths.FRAMES.parent, paths.REPORT.parent):
-        left += folder.rglob(".*.part")
+    """Remove what artifact.publish was writing when its process was killed.
+
+    In the store, which others may use at this moment, only what is OLD; `.work` may hold other projects, deeper.
+    """
+    left = [part for folder in (paths.FRAMES.parent, paths.REPORT.parent) for part in folder.rglob(".*.part")]
+    for part in paths.store().glob("*/.*.part"):
+        with suppress(FileNotFoundError):
+            left += [part] if time.time() - part.stat().st_mtime > OLD else []
     for part in left:
         part.unlink(missing_ok=True)
 
@@ -151,13 +156,14 @@ def _sentence(fault: Exception) -> str:
 
 
 def _logged() -> str:
-    """Write the traceback to paths.LOG; where, in words, or nothing if even that cannot be written."""
+    """Write the traceback to paths.log(); where, in words, or nothing if even that cannot be written."""
+    log = paths.log()
     try:
-        paths.LOG.parent.mkdir(exist_ok=True)
-        paths.LOG.write_text(traceback.format_exc())
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text(traceback.format_exc(), encoding="utf-8")
     except OSError:
         return ""
-    return f" (see {paths.LOG})"
+    return f" (see {log})"
 
 
 class Progress:

@@ -17,7 +17,7 @@ def _allow_no_git(folder: Path) -> None:
     configs = [folder / ".dvc" / name for name in ("config", "config.local")]
     if not configs[0].is_file() or (folder / ".git").exists():
         return
-    if not any("no_scm" in config.read_text() for config in configs if config.is_file()):
+    if not any("no_scm" in config.read_text(encoding="utf-8") for config in configs if config.is_file()):
         _call(["config", "--local", "core.no_scm", "true"], folder)
 
 

@@ -29,9 +29,9 @@ def write(stage: str, target: Path, data: Iterable[Path]) -> None:
         target: `<output>.json`, or NAME in a folder; an output of the stage.
         data: the artifacts that the stage has read, and so verified.
     """
-    entry = yaml.safe_load((identity.ROOT / "dvc.yaml").read_text())["stages"][stage.partition("@")[0]]
+    entry = yaml.safe_load((identity.ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"][stage.partition("@")[0]]
     code = {dep: _syntax(identity.ROOT / dep) for dep in entry["deps"] if dep.startswith(CODE)}
-    settings = yaml.safe_load(paths.PARAMS.read_text())
+    settings = yaml.safe_load(paths.PARAMS.read_text(encoding="utf-8"))
     values = {key: _value(settings, key) for key in entry.get("params", [])}
     made = {
         "stage": stage,
@@ -51,7 +51,7 @@ def read(path: Path) -> dict[str, Any]:
         console.StageError: it is not there, or not JSON.
     """
     try:
-        made: dict[str, Any] = json.loads(path.read_text())
+        made: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as fault:
         raise console.StageError(f"{path} is missing or damaged; run {paths.made_by(path)}.") from fault
     return made

@@ -33,9 +33,9 @@ def merged(source: Path, file: Path) -> dict[str, Any]:
     p = params.load(source / "params.yaml")
     if file == studies.PATH:
         studies.load(p, source / file)
-    whole: dict[str, Any] = yaml.safe_load((source / file).read_text())
+    whole: dict[str, Any] = yaml.safe_load((source / file).read_text(encoding="utf-8"))
     try:
-        overrides = yaml.safe_load((source / FILES[file]).read_text())
+        overrides = yaml.safe_load((source / FILES[file]).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise OverlayError(f"{FILES[file]} is missing; restore it from the repository.") from None
     except yaml.YAMLError as error:
@@ -56,7 +56,9 @@ def write(source: Path, folder: Path) -> None:
         for file, draft in drafts.items():
             draft.parent.mkdir(parents=True, exist_ok=True)
             text = yaml.safe_dump(small[file], sort_keys=False)
-            draft.write_text(f"# By `python -m stages.commands.preview` from {file} and {FILES[file]}.\n{text}")
+            draft.write_text(
+                f"# By `python -m stages.commands.preview` from {file} and {FILES[file]}.\n{text}", encoding="utf-8"
+            )
         own, beyond = drafts.values()
         studies.load(params.load(own), beyond)
         for file, draft in drafts.items():

@@ -1,5 +1,7 @@
 """Every path of the pipeline, relative to the project's top folder."""
 
+import os
+import platform
 from pathlib import Path
 
 PARAMS = Path("params.yaml")
@@ -32,11 +34,56 @@ STUDIES_ARTIFACTS = Path("reports/studies/artifacts.json")
 EFFECTS = Path("reports/studies/effects.json")
 VARIANT_CLAIMS = Path("reports/studies/variants.json")
 
-STORE = Path(".work")  # content-addressed, one folder a kind
-LOG = STORE / "error.log"
-LOCK = STORE / "lock"
-PROVENANCE = STORE / "provenance.jsonl"
-RENDERER = STORE / "renderer.txt"  # what draws, by stages.commands.gl
+WORK = Path(".work")  # the store of a clone, and the preview
+LOCK = WORK / "lock"  # of a folder, whatever store it uses
+EXPERIMENTS = (".dvc", "tmp", "exps")  # where DVC makes copies of the project for temporary and queued experiments
+
+
+def store() -> Path:
+    """Where finished artifacts lie by their digests, a folder a kind, with what else outlives an experiment's copy.
+
+    It is MIMO_STORE where that is set, else the clone's, which its worktrees and experiments share.
+    """
+    if own := os.environ.get("MIMO_STORE"):
+        return Path(own).expanduser()
+    here = Path.cwd()
+    clone = _clone(here)
+    return WORK if clone == here else clone / WORK
+
+
+def log() -> Path:
+    """Tracebacks."""
+    return store() / "error.log"
+
+
+def provenance() -> Path:
+    """Where and when each artifact was computed."""
+    return store() / "provenance.jsonl"
+
+
+def renderer() -> Path:
+    """What draws on this machine, by stages.commands.gl."""
+    return store() / f"renderer-{platform.node()}.txt"
+
+
+def progress() -> Path:
+    """What stages at work are doing, a file each."""
+    return store() / "progress"
+
+
+def _clone(folder: Path) -> Path:
+    """The clone that a project's folder was made from; itself, unless it is an experiment's copy or a git worktree."""
+    for copy in (folder, *folder.parents):
+        if copy.parts[-4:-1] == EXPERIMENTS:
+            return _clone(copy.parents[3])
+    link = folder / ".git"
+    if link.is_file():  # of a worktree: it names the clone's .git/worktrees/NAME
+        git = folder / link.read_text(encoding="utf-8").removeprefix("gitdir:").strip()
+        common = git / "commondir"
+        if common.is_file():
+            top = (git / common.read_text(encoding="utf-8").strip()).resolve()
+            return top.parent if top.name == ".git" else folder
+    return folder
 
 
 def made_by(path: Path) -> str:

@@ -1,7 +1,7 @@
 """Where and when artifacts were made: what depends on the machine, and so enters no artifact and no report.
 
-Each artifact that is computed adds a line to .work/provenance.jsonl. `make publish` sums up those of the published
-artifacts in reports/published-on.json.
+Each artifact that is computed adds a line to the store's provenance.jsonl. `make publish` sums up those of the
+published artifacts in reports/published-on.json.
 """
 
 import functools
@@ -20,18 +20,18 @@ def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
     """Remember that the artifact was computed now, on the machine `where` or (None) on this one."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     line = {"schema": schema, "digest": digest, "at": now} | (where or machine())
-    paths.PROVENANCE.parent.mkdir(exist_ok=True)
+    paths.provenance().parent.mkdir(parents=True, exist_ok=True)
     # One write to a file opened for appending; a line begins anew even where the one before was cut short.
-    with paths.PROVENANCE.open("ab", buffering=0) as file:
+    with paths.provenance().open("ab", buffering=0) as file:
         file.write(f"\n{json.dumps(line)}".encode())
 
 
 def lines(start: int = 0) -> list[dict[str, Any]]:
     """What was noted from byte `start` on; a line that was cut short is passed over."""
-    if not paths.PROVENANCE.exists():
+    if not paths.provenance().exists():
         return []
     found = []
-    for line in paths.PROVENANCE.read_bytes()[start:].decode(errors="replace").splitlines():
+    for line in paths.provenance().read_bytes()[start:].decode(errors="replace").splitlines():
         try:
             found.append(json.loads(line))
         except ValueError:
@@ -42,7 +42,8 @@ def lines(start: int = 0) -> list[dict[str, Any]]:
 @functools.cache
 def machine() -> dict[str, Any]:
     """The machine and its software, as far as they decide bits or time."""
-    drawn = paths.RENDERER.read_text().strip() if paths.RENDERER.exists() else "unknown"
+    told = paths.renderer()
+    drawn = told.read_text(encoding="utf-8").strip() if told.exists() else "unknown"
     return {
         "class": machine_class(),
         "cpu": _cpuinfo().get("model name", platform.processor()),
@@ -68,7 +69,7 @@ def foreign() -> str:
     if not paths.PUBLISHED_ON.exists():
         return ""
     here = machine()
-    machines = json.loads(paths.PUBLISHED_ON.read_text())["machines"]
+    machines = json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))["machines"]
     if any(all(other[key] == here[key] for key in ("class", "versions")) for other in machines):
         return ""
     return (
@@ -81,7 +82,7 @@ def foreign() -> str:
 def _cpuinfo() -> dict[str, str]:
     """The first processor's entries in /proc/cpuinfo; empty where there is none."""
     path = Path("/proc/cpuinfo")
-    first = path.read_text().split("\n\n")[0] if path.exists() else ""
+    first = path.read_text(encoding="utf-8").split("\n\n")[0] if path.exists() else ""
     return {
         key.strip(): value.strip()
         for key, colon, value in (line.partition(":") for line in first.splitlines())

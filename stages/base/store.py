@@ -1,10 +1,12 @@
 """The store: finished artifacts by the digest of their inputs, outside DVC and git, so that nothing is computed twice.
 
-An artifact enters whole, by os.replace. One that does not verify is set aside and computed again.
+An artifact enters whole, by os.replace, so that several processes may use one store at once. One that does not verify
+is set aside and computed again.
 """
 
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,7 @@ def sight(held: artifact.Artifact) -> str:
 
 def place(schema: str, digest: str) -> Path:
     """Where the artifact of that schema and digest lies, or would."""
-    return paths.STORE / f"{schema}s" / f"{digest}.h5"
+    return paths.store() / f"{schema}s" / f"{digest}.h5"
 
 
 def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
@@ -35,7 +37,8 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
             return True
         except artifact.ArtifactError as fault:
             aside = path.with_suffix(".damaged")
-            path.replace(aside)
+            with suppress(FileNotFoundError):  # another process was first
+                path.replace(aside)
             print(f"{fault} It was set aside as {aside} and is computed again.", file=sys.stderr)
     for other in elsewhere:
         if other.exists():

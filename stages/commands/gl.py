@@ -5,12 +5,12 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 from mimo.record import runtime
 from mimo.record.runtime import PACKAGES
 from stages.base import paths
 
-LOG = paths.STORE / "gl.log"
 SECONDS = 120  # a first picture takes 2 s; a machine this slow is a broken one
 
 # A real picture, by the way the eye takes: the renderer, the off-screen buffer, the pixels.
@@ -31,30 +31,36 @@ with mujoco.Renderer(model, 16, 16) as renderer:
 
 
 def draws() -> bool:
-    """Draw a 16x16 picture; what draws goes to paths.RENDERER, a traceback to LOG.
+    """Draw a 16x16 picture; what draws goes to paths.RENDERER, a traceback to the log.
 
     In a process of its own: a GL library that was missing at import stays missing there, even once it is installed.
     """
     command = [sys.executable, "-c", PROBE]
     try:
-        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=SECONDS)
+        done = subprocess.run(command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=SECONDS)
     except subprocess.TimeoutExpired:
         _log(f"no picture within {SECONDS} s\n")
         return False
     if done.returncode:
         _log(done.stderr)
         return False
-    paths.RENDERER.parent.mkdir(exist_ok=True)
-    paths.RENDERER.write_text(done.stdout.splitlines()[-1] + "\n")
+    told = paths.renderer()
+    told.parent.mkdir(parents=True, exist_ok=True)
+    told.write_text(done.stdout.splitlines()[-1] + "\n", encoding="utf-8")
     return True
 
 
 def install() -> bool:
-    """Install PACKAGES by apt-get; what it says goes to LOG."""
+    """Install PACKAGES by apt-get; what it says goes to the log."""
     environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
     for arguments in (["update"], ["install", "-y", "--no-install-recommends", *PACKAGES]):
         done = subprocess.run(
-            ["apt-get", "-q", *arguments], check=False, env=environment, capture_output=True, text=True
+            ["apt-get", "-q", *arguments],
+            check=False,
+            env=environment,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
         )
         if done.returncode:
             _log(done.stdout + done.stderr)
@@ -75,13 +81,17 @@ def main(arguments: list[str] | None = None) -> int:
         if install() and draws():
             return 0
         advice = f"{' and '.join(PACKAGES)} could not be installed or did not help."
-    print(f"Pictures cannot be drawn without a screen (see {LOG}): {advice}", file=sys.stderr)
+    print(f"Pictures cannot be drawn without a screen (see {_log_file()}): {advice}", file=sys.stderr)
     return 1
 
 
+def _log_file() -> Path:
+    return paths.store() / "gl.log"
+
+
 def _log(text: str) -> None:
-    LOG.parent.mkdir(exist_ok=True)
-    LOG.write_text(text)
+    _log_file().parent.mkdir(parents=True, exist_ok=True)
+    _log_file().write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

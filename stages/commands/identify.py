@@ -90,7 +90,7 @@ def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
         if name not in variants:
             raise console.StageError(f"{path} is of the variant {name!r}, which studies/params.yaml has no more.")
         variants = {name: variants[name]}
-    elif paths.STORE.name not in parts:
+    elif not path.resolve().is_relative_to(paths.store().resolve()):
         variants = {"": p}
     for name, own in variants.items():
         digest = scales.digest(own, sight)

@@ -27,7 +27,7 @@ def reproduce(command: list[str], listed: Path, made: list[str]) -> int:
         listed: the catalogue of the artifacts that the command makes.
         made: what else it makes that git holds, as git names it.
     """
-    start = paths.PROVENANCE.stat().st_size if paths.PROVENANCE.exists() else 0
+    start = paths.provenance().stat().st_size if paths.provenance().exists() else 0
     before = _published(listed)
     code = dvc.run(command)
     if code:
@@ -41,14 +41,16 @@ def reproduce(command: list[str], listed: Path, made: list[str]) -> int:
 def _published(listed: Path) -> str | None:
     """The catalogue as published; None if nothing is."""
     if not GIT.exists():
-        return listed.read_text() if listed.exists() else None
-    shown = subprocess.run(["git", "show", f"HEAD:./{listed}"], check=False, capture_output=True, text=True)
+        return listed.read_text(encoding="utf-8") if listed.exists() else None
+    shown = subprocess.run(
+        ["git", "show", f"HEAD:./{listed}"], check=False, capture_output=True, text=True, encoding="utf-8"
+    )
     return shown.stdout if shown.returncode == 0 else None
 
 
 def _compared(listed: Path, before: str | None, start: int) -> str:
     """How many artifacts there are, were computed since byte `start` of the provenance, and equal the published."""
-    here = catalogue.published(listed.read_text())
+    here = catalogue.published(listed.read_text(encoding="utf-8"))
     computed = {line["digest"] for line in provenance.lines(start)}
     anew = sum(entry["digest"] in computed for entry in here.values())
     said = f"{len(here)} artifacts, {anew} of them recomputed"
@@ -74,7 +76,7 @@ def _changed(made: list[str]) -> str:
     ):
         return ""
     status = ["git", "status", "--porcelain", "--", *made]
-    changed = subprocess.run(status, check=False, capture_output=True, text=True).stdout.splitlines()
+    changed = subprocess.run(status, check=False, capture_output=True, text=True, encoding="utf-8").stdout.splitlines()
     if changed:
         return f"; {len(changed)} other files that git holds differ"
     return "; dvc.lock and reports are the same bytes"

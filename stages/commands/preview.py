@@ -61,7 +61,12 @@ def project_files(source: Path) -> set[PurePosixPath]:
     """The project's files: those git tracks or would; without git, all but results and caches."""
     try:
         listed = subprocess.run(
-            ["git", "ls-files", "-coz", "--exclude-standard"], cwd=source, capture_output=True, text=True, check=True
+            ["git", "ls-files", "-coz", "--exclude-standard"],
+            cwd=source,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=True,
         )
     except (OSError, subprocess.CalledProcessError):
         found = {PurePosixPath(path.relative_to(source)) for path in _walk(source, NO_GIT)}
@@ -132,7 +137,7 @@ def _init_dvc(folder: Path) -> None:
     config = folder / ".dvc" / "config"
     if not config.is_file() and dvc.run(["init", "--no-scm", "--quiet"], folder):
         raise PreviewError(f"DVC cannot be set up in {folder}; see its message above.")
-    config.write_text(DVC_CONFIG)
+    config.write_text(DVC_CONFIG, encoding="utf-8")
 
 
 if __name__ == "__main__":

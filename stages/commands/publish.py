@@ -17,7 +17,11 @@ def main() -> None:
     last = {line["digest"]: line for line in provenance.lines()}  # the last time each was computed
     published = set()
     for path in (paths.ARTIFACTS, paths.STUDIES_ARTIFACTS):
-        listed = [entry["digest"] for entry in catalogue.published(path.read_text()).values()] if path.exists() else []
+        listed = (
+            [entry["digest"] for entry in catalogue.published(path.read_text(encoding="utf-8")).values()]
+            if path.exists()
+            else []
+        )
         published |= set(listed)
         if missing := sum(digest not in last for digest in listed):
             raise console.StageError(

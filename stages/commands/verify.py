@@ -98,7 +98,7 @@ def _options() -> argparse.Namespace:
 def _published() -> catalogue.Published:
     if not paths.ARTIFACTS.exists():
         raise console.StageError(f"{paths.ARTIFACTS} is missing, so nothing is published here; run `dvc repro`.")
-    return catalogue.published(paths.ARTIFACTS.read_text())
+    return catalogue.published(paths.ARTIFACTS.read_text(encoding="utf-8"))
 
 
 def _as_published(path: Path, entry: Mapping[str, str]) -> None:

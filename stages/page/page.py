@@ -88,7 +88,7 @@ def index(made: Made, protocol: params.Protocol, constants: list[Constant], vers
         constants: the lines of params.yaml.
         versions: of the locked environment.
     """
-    script = (HTML / "explore.js").read_text()
+    script = (HTML / "explore.js").read_text(encoding="utf-8")
     return _rendered(
         "index.html.j2",
         [(name, title) for name, title in PAPER if name != "film" or made.films],
@@ -155,7 +155,7 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip)}
     environment.globals["strip_width"] = verdicts.WIDTH
-    style, level = (HTML / "style.css").read_text(), f"{100 * values['judged']['level']:g}\u00a0%"
+    style, level = (HTML / "style.css").read_text(encoding="utf-8"), f"{100 * values['judged']['level']:g}\u00a0%"
     return environment.get_template(template).render(values, sections=list(sections), style=style, level=level)
 
 
@@ -214,7 +214,7 @@ def read(path: Path) -> dict[str, Any]:
         console.StageError: it is missing or damaged.
     """
     try:
-        found: dict[str, Any] = json.loads(path.read_text())
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or fault
         raise console.StageError(f"{path} cannot be read ({reason}); run {paths.made_by(path)}.") from fault

@@ -129,8 +129,8 @@ def room(workers: int) -> int:
 def reason(fault: BaseException) -> tuple[BaseException, str]:
     """What a task raised and its last line; all of it goes to the log."""
     with suppress(OSError):  # a disk that takes no log must not hide what happened
-        paths.LOG.parent.mkdir(exist_ok=True)
-        with paths.LOG.open("a") as log:
+        paths.log().parent.mkdir(parents=True, exist_ok=True)
+        with paths.log().open("a", encoding="utf-8") as log:
             log.write(f"{fault}\n")
     cause = getattr(fault, "cause", None) or fault
     return cause, (str(cause).strip().splitlines() or [type(cause).__name__])[-1]

@@ -148,7 +148,7 @@ def _digests(manifests: Iterable[Path]) -> dict[Path, str]:
     found = {}
     for manifest in manifests:
         try:
-            for run in json.loads(manifest.read_text()):
+            for run in json.loads(manifest.read_text(encoding="utf-8")):
                 found[paths.run(run["condition"], run["reward"], run["seed"], run["variant"])] = run["digest"]
         except (OSError, ValueError, KeyError, TypeError) as fault:
             raise console.StageError(

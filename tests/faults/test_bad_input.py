@@ -120,7 +120,7 @@ def test_a_folder_and_a_missing_file_are_refused(file: Shipped, tmp_path: Path) 
 
 def test_aliases_are_read_as_what_they_stand_for(target: Path) -> None:
     text = PARAMS.text.replace("learning_rate: 0.001", "learning_rate: &rate 0.001", 1)
-    target.write_text(text.replace("learning_rate: 0.001", "learning_rate: *rate"))
+    target.write_text(text.replace("learning_rate: 0.001", "learning_rate: *rate"), encoding="utf-8")
     assert params.load(target) == P
 
 

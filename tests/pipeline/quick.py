@@ -49,8 +49,8 @@ def main() -> None:
 def _load() -> None:
     """All that stages would load, also what libraries load late, and the code's digests."""
     os.environ["OMP_NUM_THREADS"] = "1"  # two at once on two cores
-    import dvc.cli
-    import dvc.commands.repro
+    import dvc.cli  # noqa: F401
+    import dvc.commands.repro  # noqa: F401
     import dvc.repo.reproduce  # noqa: F401
     import torch
 
@@ -94,7 +94,7 @@ def _share_the_scene() -> None:
 
 def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
     """Start a process that copies, edits, and does `dvc repro`."""
-    import dvc.cli
+    import dvc.cli  # noqa: F401
 
     if os.fork():
         return

@@ -46,7 +46,7 @@ def read(top: Path, name: str) -> Found:
 
 def _kept(project: Path) -> set[Path]:
     """Everything in the store."""
-    return {path.relative_to(project / paths.STORE) for path in (project / paths.STORE).glob("*/*.h5")}
+    return {path.relative_to(project / paths.WORK) for path in (project / paths.WORK).glob("*/*.h5")}
 
 
 def _made(project: Path, new: set[Path]) -> set[str]:
@@ -73,7 +73,7 @@ def _computed(project: Path, new: set[Path], cells: list[str]) -> set[str]:
     }
     runs = [listed[path.stem] for path in new if path.parent.name == "runs"]
     for run in runs:
-        about = artifact.read(project / paths.STORE / "runs" / f"{run['digest']}.h5", store.RUN).about
+        about = artifact.read(project / paths.WORK / "runs" / f"{run['digest']}.h5", store.RUN).about
         assert all(about[key] == run[key] for key in ("condition", "reward", "seed"))
     names = set()
     for variant, seed in {(run["variant"], run["seed"]) for run in runs}:

@@ -79,7 +79,7 @@ def test_workers_order_and_chunks_change_no_byte(
                     addresses = listening()
                     assert len(addresses) >= 4  # the control store, raylet, object manager and a worker at least
                     assert all(ip_address(address).is_loopback for address in addresses)
-        found[name] = ({path.stem: path.read_bytes() for path in (paths.STORE / "runs").iterdir()}, sorted(faults))
+        found[name] = ({path.stem: path.read_bytes() for path in (paths.store() / "runs").iterdir()}, sorted(faults))
     for (one, here), (other, there) in itertools.pairwise(found.items()):
         assert here == there, f"{one}, and {other}"
     files, faults = here

@@ -104,4 +104,4 @@ def list_runs(condition: str, reward: str, manifest: Path, variant: str = "") ->
         for seed in range(SEEDS)
     ]  # fmt: skip
     manifest.parent.mkdir(parents=True, exist_ok=True)
-    manifest.write_text(json.dumps(runs))
+    manifest.write_text(json.dumps(runs), encoding="utf-8")

@@ -41,15 +41,15 @@ def test_success_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_fault_is_one_sentence(kind: type[Fault], capsys: pytest.CaptureFixture[str]) -> None:
     assert raising(kind("The cup is empty; fill it.")) == 1
     assert capsys.readouterr() == ("", "The cup is empty; fill it.\n")
-    assert not paths.LOG.exists()
+    assert not paths.log().exists()
 
 
 def test_the_unknown_is_a_sentence_and_a_traceback_in_the_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert raising(ZeroDivisionError("cut in no parts")) == 1
     out, err = capsys.readouterr()
     assert not out
-    assert err == f"ZeroDivisionError: cut in no parts (see {paths.LOG})\n"
-    log = paths.LOG.read_text()
+    assert err == f"ZeroDivisionError: cut in no parts (see {paths.log()})\n"
+    log = paths.log().read_text()
     assert log.startswith("Traceback")
     assert "in work" in log
     assert log.endswith("ZeroDivisionError: cut in no parts\n")
@@ -61,7 +61,7 @@ def test_an_interrupt_is_130(capsys: pytest.CaptureFixture[str]) -> None:
     assert not out
     assert err.startswith("Stopped")
     assert err.count("\n") == 1
-    assert not paths.LOG.exists()
+    assert not paths.log().exists()
 
 
 def test_an_exit_passes_through() -> None:
@@ -101,7 +101,7 @@ def test_a_stage_ends_with_its_dvc(shell: str, tmp_path: Path) -> None:
     with subprocess.Popen([*dvc, "repro", "-q"], env=own) as repro:
         until(lambda: Path("begun").exists())
         repro.send_signal(signal.SIGKILL)
-    until(lambda: Path("said").read_text() == f"{console.STOPPED}\n")
+    until(lambda: Path("said").read_text(encoding="utf-8") == f"{console.STOPPED}\n")
 
 
 def until(reached: Callable[[], bool], seconds: float = 40) -> None:

@@ -26,11 +26,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(identity, "ROOT", tmp_path)
     stage = {"params": ["seed", "agent", "world.mass"], "deps": [str(DATA), "stages/draw.py", "mimo/world"]}
-    Path("dvc.yaml").write_text(yaml.safe_dump({"stages": {"draw": stage}}))
-    Path("params.yaml").write_text("seed: 1 # any\nagent: {gamma: 0.1}\nworld: {mass: 2.0, length: 3.0}\n")
+    Path("dvc.yaml").write_text(yaml.safe_dump({"stages": {"draw": stage}}), encoding="utf-8")
+    Path("params.yaml").write_text(
+        "seed: 1 # any\nagent: {gamma: 0.1}\nworld: {mass: 2.0, length: 3.0}\n", encoding="utf-8"
+    )
     for name, text in CODE.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_text(text)
+        Path(name).write_text(text, encoding="utf-8")
     write_data(1)
     return tmp_path
 
@@ -71,7 +73,7 @@ def test_it_names_command_code_params_and_data(here: Path) -> None:
 )
 def test_it_changes_with_what_counts(here: Path, file: str, text: str, changes: set[str]) -> None:
     before = written()
-    Path(file).write_text(text)
+    Path(file).write_text(text, encoding="utf-8")
     after = written()
     assert {key for key in after if after[key] != before[key]} == changes
 

@@ -40,7 +40,7 @@ def damage(path: Path) -> None:
 
 def test_an_empty_store_has_nothing() -> None:
     assert not store.has(store.SCALE, ONE)
-    assert not paths.STORE.exists()
+    assert not paths.store().exists()
 
 
 def test_what_is_made_is_kept_and_never_made_again() -> None:
@@ -61,7 +61,7 @@ def test_digest_and_kind_tell_artifacts_apart() -> None:
     assert not store.has(store.FRAME, ONE)
     places = {store.place(schema, digest) for schema in (store.SCALE, store.RUN) for digest in (ONE, OTHER)}
     assert len(places) == 4
-    assert all(place.is_relative_to(paths.STORE) for place in places)
+    assert all(place.is_relative_to(paths.store()) for place in places)
 
 
 def test_publishing_replaces_what_the_target_held() -> None:
@@ -107,7 +107,7 @@ def test_nothing_else_is_taken_in() -> None:
     write(foreign, ONE, store.RUN)
     write(broken)
     damage(broken)
-    text.write_text("hello")
+    text.write_text("hello", encoding="utf-8")
     assert not store.has(store.SCALE, ONE, elsewhere=[stale, foreign, broken, text])
     assert not store.place(store.SCALE, ONE).exists()
     write(good := Path("good.h5"))

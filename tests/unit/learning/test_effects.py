@@ -234,7 +234,7 @@ def test_worlds_are_measured_once_and_published_rounded(
     assert list(published) == ["set", "free", "noisy", "phases"]
     assert published["free"]["mtl_mm"] == {name: float(f"{x:.4g}") for name, x in own["free"]["mtl_mm"].items()}
     assert published["free"] != found["worlds"]["heavy"]["free"]
-    assert len(list((paths.STORE / f"{store.EFFECT}s").glob("*.h5"))) == 2
+    assert len(list((paths.store() / f"{store.EFFECT}s").glob("*.h5"))) == 2
     monkeypatch.setattr(effects, "measure", lambda *_: pytest.fail("measured again"))
     paths.EFFECTS.unlink()
     stage.main()

@@ -52,7 +52,7 @@ def test_the_page_holds_every_figure_and_links_to_its_files(made: Made, html: st
 
 @pytest.mark.parametrize("path", [paths.REPORT, paths.STUDIES], ids=str)
 def test_a_page_loads_nothing_but_films(path: Path, project: Path):
-    html = path.read_text()
+    html = path.read_text(encoding="utf-8")
     attributes = Page(html).attributes
     links = {value or "" for _, name, value in attributes if name in {"src", "href", "srcset", "data", "poster"}}
     assert {link[1:] for link in links if link.startswith("#")} <= set(re.findall(r'id="([^"]+)"', html))

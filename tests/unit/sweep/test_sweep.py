@@ -63,7 +63,7 @@ def with_variants(job: Job) -> Job:
 
 def kept() -> dict[str, bytes]:
     """The store's runs by digest."""
-    return {path.stem: path.read_bytes() for path in (paths.STORE / "runs").glob("*")}
+    return {path.stem: path.read_bytes() for path in (paths.store() / "runs").glob("*")}
 
 
 def write(run: Run, path: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:
     path = Path("data/some/greedy.json")
     sweep.write_manifest(path, runs)
     content = artifact.content(store.place(store.RUN, runs[0].digest))
-    assert json.loads(path.read_text()) == [
+    assert json.loads(path.read_text(encoding="utf-8")) == [
         {"variant": "greedy", "condition": "free", "reward": "mtl", "seed": run.seed, "digest": run.digest,
          "content": content} for run in runs
     ]  # fmt: skip

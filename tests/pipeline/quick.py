@@ -94,7 +94,7 @@ def _share_the_scene() -> None:
 
 def _reproduce(top: Path, name: str, changes: dict[str, Any]) -> None:
     """Start a process that copies, edits, and does `dvc repro`."""
-    import dvc.cli  # noqa: F401
+    import dvc.cli
 
     if os.fork():
         return

@@ -10,8 +10,8 @@ import mimo  # noqa: F401  # chooses how MuJoCo draws, before anything imports i
 # Set before anything imports ray or dvc, and inherited by the processes that tests start.
 os.environ.setdefault("DVC_NO_ANALYTICS", "1")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-for own in ("MIMO_STORE", "MIMO_WORKERS"):  # whatever the user has set
-    os.environ.pop(own, None)
+os.environ.pop("MIMO_STORE", None)
+os.environ.pop("MIMO_WORKERS", None)
 
 import tempfile
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-# make paper | studies | verify | publish | share | fetch | preview | test | same-bytes | check | format | bench | scaling. `make` alone lists them.
+# make paper | studies | watch | verify | publish | share | fetch | preview | test | same-bytes | check | format | bench | scaling. `make` alone lists them.
 
 # The interpreter for .venv: the first of these that is Python 3.11 to 3.13, unless PYTHON names another.
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
@@ -10,7 +10,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper studies verify publish share fetch preview test same-bytes check format bench scaling .venv
+.PHONY: help paper studies watch verify publish share fetch preview test same-bytes check format bench scaling .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -22,6 +22,9 @@ paper: $(STAMP) ## Every figure, table and claim of the paper: only what is miss
 studies: $(STAMP) ## What goes beyond the paper: needs its encoder and scales, and changes none of them
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.studies
+
+watch: $(STAMP) ## From another terminal: what a running sweep or stage does, runs done, time left, last fault
+	@python -m stages.commands.watch
 
 verify: $(STAMP) ## Compute a sample of the published artifacts again and compare
 	@python -m stages.commands.gl --install

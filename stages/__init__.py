@@ -9,7 +9,7 @@ except RuntimeError as fault:  # MuJoCo does not take what the user chose to dra
     sys.exit(str(fault))
 
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-if not os.environ.get("RAY_ADDRESS"):
+if os.environ.get("RAY_ADDRESS", "local") in ("", "local"):
     # A Ray that may not become a cluster keeps to loopback; otherwise its servers listen on every interface.
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 

@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 from mimo.record import artifact
 from mimo.settings import params
@@ -15,16 +16,28 @@ def main() -> None:
         raise console.StageError("usage: python -m stages.runs MANIFEST")
     params.load()
     manifest = Path(sys.argv[1])
-    for run in json.loads(manifest.read_text(encoding="utf-8")):
-        name = f"{run['condition']}, {run['reward']}, seed {run['seed']}"
-        remedy = f"run `dvc repro --force {'studies/dvc.yaml:vary' if run['variant'] else 'train'}`"
-        target = paths.run(run["condition"], run["reward"], run["seed"], run["variant"])
-        if not store.has(store.RUN, run["digest"], elsewhere=[target]):
-            raise console.StageError(f"The run store lacks {name} of {manifest}; {remedy}.")
+    listed = json.loads(manifest.read_text(encoding="utf-8"))
+    targets = [paths.run(run["condition"], run["reward"], run["seed"], run["variant"]) for run in listed]
+    lacking = sum(
+        not store.has(store.RUN, run["digest"], elsewhere=[target]) for run, target in zip(listed, targets, strict=True)
+    )
+    if lacking:
+        raise console.StageError(f"The store lacks {lacking} of the {len(listed)} runs of {manifest}; {_remedy(listed)}")
+    for run, target in zip(listed, targets, strict=True):
         stored = store.place(store.RUN, run["digest"])
         if artifact.content(stored) != run["content"]:
-            raise console.StageError(f"{stored} is not the run that {manifest} lists; {remedy}.")
+            raise console.StageError(f"{stored} is not the run that {manifest} lists; {_remedy(listed)}")
         artifact.copy(stored, target)
+
+
+def _remedy(listed: list[dict[str, Any]]) -> str:
+    """What costs least: to get the runs, or to compute them alone and nothing that they are made from."""
+    variant = listed[0]["variant"]
+    pipeline, sweep = ("studies/dvc.yaml", "studies/dvc.yaml:vary") if variant else ("dvc.yaml", "train")
+    return (
+        f"get them by `make fetch` or `dvc repro --pull {pipeline}`, or compute what is missing, and nothing else, by "
+        f"`dvc repro --single-item --force {sweep}`; then run this again."
+    )
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 
 from mimo.settings.errors import Fault
-from stages.base import paths
+from stages.base import paths, watched
 
 LINE_SECONDS = 30  # between lines where there is no terminal
 MEND = "free space or mend permissions, then run again"
@@ -167,7 +167,7 @@ def _logged() -> str:
 
 
 class Progress:
-    """A bar with rate and ETA on a terminal; in a log, a line every LINE_SECONDS.
+    """A bar with rate and ETA on a terminal; in a log, a line every LINE_SECONDS; and for `make watch` a file.
 
     Args:
         what: name of the work.
@@ -190,31 +190,35 @@ class Progress:
             disable=not self._console.is_terminal,
         )
         self._task = self._bar.add_task(what, total=total, note="")
+        self._told = watched.Told()
         self.done = 0
 
     def __enter__(self) -> "Progress":
         self._bar.start()
+        self._told.say(self._text())
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+        self._told.end()
         if not self._console.is_terminal and kind is None:
-            print(f"{self._what}: {self._text()}", file=sys.stderr, flush=True)
+            print(self._text(), file=sys.stderr, flush=True)
 
     def update(self, done: int, note: str = "") -> None:
         """Set the units done."""
         self.done = done
         text = ", ".join(part for part in (note, self._rate()) if part)
         self._bar.update(self._task, completed=done, note=text)
+        self._told.say(self._text(note))
         now = time.monotonic()
         if not self._console.is_terminal and now - self._said > LINE_SECONDS:
             self._said = now
-            print(f"{self._what}: {self._text(note)}", file=sys.stderr, flush=True)
+            print(self._text(note), file=sys.stderr, flush=True)
 
     def _text(self, note: str = "") -> str:
-        parts = (f"{self.done}/{self._total} {self._unit}", note, self._rate())
+        parts = (f"{self._what}: {self.done}/{self._total} {self._unit}", note, self._rate())
         return ", ".join(part for part in parts if part)
 
     def _rate(self) -> str:

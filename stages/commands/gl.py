@@ -1,6 +1,5 @@
 """`python -m stages.commands.gl`: can this machine draw without a screen? `--install` makes it so (Debian, as root)."""
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -9,7 +8,7 @@ from pathlib import Path
 
 from mimo.record import runtime
 from mimo.record.runtime import PACKAGES
-from stages.base import paths
+from stages.base import command, paths
 
 SECONDS = 120  # a first picture takes 2 s; a machine this slow is a broken one
 
@@ -70,7 +69,7 @@ def install() -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Check, install if asked and needed, check again; the exit code is 0 if pictures can be drawn."""
-    parser = argparse.ArgumentParser(prog="python -m stages.commands.gl", description=__doc__)
+    parser = command.parser("gl", __doc__, "python -m stages.commands.gl --install")
     parser.add_argument("--install", action="store_true", help="as root on Debian: install what is missing")
     wanted = parser.parse_args(arguments).install
     if draws():

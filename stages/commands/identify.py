@@ -3,7 +3,6 @@
 The exit code is 0 if it matches the tree, 1 if it does not; then the inputs that changed are named.
 """
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -16,7 +15,7 @@ from mimo.settings.errors import Fault
 from mimo.settings.params import Params
 from stages import collect, effects, trial
 from stages import encoder as training
-from stages.base import console, paths, store
+from stages.base import command, console, paths, store
 from stages.sweep import scales
 
 Inputs = Mapping[str, Any]
@@ -24,7 +23,7 @@ Inputs = Mapping[str, Any]
 
 def main(arguments: list[str] | None = None) -> int:
     """Print what the artifact was made from, then how the working tree differs."""
-    parser = argparse.ArgumentParser(prog="python -m stages.commands.identify", description=__doc__)
+    parser = command.parser("identify", __doc__, "python -m stages.commands.identify data/runs/free/mtl/seed-000.h5")
     parser.add_argument("artifact", type=Path, help="an HDF5 file of this project, under data/ or .work/")
     try:
         return identify(parser.parse_args(arguments).artifact)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from stages import catalogue
-from stages.base import dvc, paths, provenance
+from stages.base import command, dvc, paths, provenance
 
 SHOWN = 3  # paths that differ
 GIT = Path(".git")  # not there in an archive of the project
@@ -16,22 +16,23 @@ GIT = Path(".git")  # not there in an archive of the project
 
 def main() -> int:
     """Reproduce the paper, then compare."""
+    command.parser("paper", __doc__, "make paper", "MIMO_WORKERS=4 make paper").parse_args()
     return reproduce(["repro"], paths.ARTIFACTS, ["dvc.lock", "reports", ":!reports/studies*"])
 
 
-def reproduce(command: list[str], listed: Path, made: list[str]) -> int:
+def reproduce(asked: list[str], listed: Path, made: list[str]) -> int:
     """Run DVC, then compare; the exit code is DVC's, since a changed result is no fault by itself.
 
     Args:
-        command: DVC's.
+        asked: of DVC.
         listed: the catalogue of the artifacts that the command makes.
         made: what else it makes that git holds, as git names it.
     """
     start = paths.provenance().stat().st_size if paths.provenance().exists() else 0
     before = _published(listed)
-    code = dvc.run(command)
+    code = dvc.run(asked)
     if code:
-        told = f"`{' '.join(['dvc', *command])}` did not finish"
+        told = f"`{' '.join(['dvc', *asked])}` did not finish"
         print(f"{told}; what was finished is kept, and the same command goes on.", file=sys.stderr)
         return code
     print(f"{_compared(listed, before, start)}{_changed(made)}.")

@@ -3,7 +3,6 @@
 Published results stay as they are.
 """
 
-import argparse
 import filecmp
 import os
 import shutil
@@ -14,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 from mimo.settings.errors import Fault
-from stages.base import dvc, overlay
+from stages.base import command, dvc, overlay
 
 FOLDER = Path(".work/preview")
 MARK = ".preview"  # lies in every folder made here; no other folder is ever written to
@@ -77,7 +76,7 @@ def project_files(source: Path) -> set[PurePosixPath]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Prepare the folder, run `dvc repro` there, and say where the report lies."""
-    parser = argparse.ArgumentParser(prog="python -m stages.commands.preview", description=__doc__)
+    parser = command.parser("preview", __doc__, "make preview", "python -m stages.commands.preview --folder /tmp/small")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the preview goes (default: %(default)s)")
     parser.add_argument("--prepare-only", action="store_true", help="copy, but run nothing")
     options = parser.parse_args(arguments)

@@ -9,11 +9,12 @@ from typing import Any
 
 from mimo.record import artifact
 from stages import catalogue
-from stages.base import console, paths, provenance
+from stages.base import command, console, paths, provenance
 
 
 def main() -> None:
     """Say on which machines, and from when to when, the published artifacts were made."""
+    command.parser("publish", __doc__, "make publish").parse_args()
     last = {line["digest"]: line for line in provenance.lines()}  # the last time each was computed
     published = set()
     for path in (paths.ARTIFACTS, paths.STUDIES_ARTIFACTS):

@@ -4,18 +4,23 @@ What travels is what dvc.lock lists, and DVC's run cache: the results by what th
 dvc.lock and reports/ travel by git.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
-from stages.base import console, dvc
+from stages.base import command, console, dvc
 
 REMOTE = "shared"
 
 
 def main() -> None:
     """Push or fetch, as the command line says."""
-    parser = argparse.ArgumentParser(prog="python -m stages.commands.share", description=__doc__)
+    parser = command.parser(
+        "share",
+        __doc__,
+        "make share REMOTE=s3://bucket/folder",
+        "make fetch",
+        "python -m stages.commands.share push /mnt/shared",
+    )
     parser.add_argument("what", choices=["push", "fetch"])
     parser.add_argument(
         "remote", nargs="?", help="folder or URL (s3://…, ssh://…), kept in .dvc/config.local; default: DVC's own"

@@ -5,12 +5,13 @@ It starts from the paper's encoder, scales and verdicts, and changes none of the
 
 import sys
 
-from stages.base import dvc, paths
+from stages.base import command, dvc, paths
 from stages.commands.paper import reproduce
 
 
 def main() -> int:
     """Reproduce the studies, then compare."""
+    command.parser("studies", __doc__, "make studies", "MIMO_WORKERS=4 make studies").parse_args()
     if dvc.run(["status", "--quiet", "dvc.yaml"]):
         print(
             "The paper's results do not fit the code and params.yaml here (`dvc status dvc.yaml` says where); "

@@ -20,7 +20,7 @@ from mimo.vision import extractor
 from mimo.world import body
 from stages import catalogue, trial
 from stages import encoder as training
-from stages.base import console, difference, paths, provenance, store
+from stages.base import command, console, difference, paths, provenance, store
 from stages.sweep import crew, curves, sweep
 from stages.sweep.schedule import Chunk, Run
 
@@ -89,7 +89,7 @@ def _means(run: artifact.Artifact) -> np.ndarray:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m stages.commands.verify", description=__doc__)
+    parser = command.parser("verify", __doc__, "make verify", "python -m stages.commands.verify --runs 10 --draw 7")
     parser.add_argument("--runs", type=int, default=3, metavar="N", help="how many runs (default: %(default)s)")
     parser.add_argument("--draw", type=int, default=0, metavar="SEED", help="draws the sample (default: %(default)s)")
     return crew.asked(parser)

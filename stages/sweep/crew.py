@@ -10,6 +10,8 @@ import math
 import os
 import platform
 import signal
+import subprocess
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -26,6 +28,7 @@ import stages
 from mimo.record import identity, runtime
 from stages.base import console, paths, provenance
 from stages.base.workers import VARIABLE, count
+from stages.sweep import folder
 
 POLL_SECONDS = 1.0
 RETRIES = 3  # of a task whose worker or node was lost
@@ -35,6 +38,7 @@ REFUSED = "The cluster is refused: {}. Install requirements.lock on every node."
 SERIAL = 0  # workers: none, this process computes
 REPORTS = 20  # a second, of all workers together
 AHEAD = 8  # workers to a task that waits, so that none of them waits for the driver
+ANSWER_SECONDS = 8  # for a cluster to say that it is there
 CHECK_SECONDS = 120.0  # for a node to say what it has
 
 Report = Callable[[int], None]  # takes how many steps are done
@@ -73,7 +77,7 @@ class Crew(Protocol):
 
 def asked(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """The command line, with `workers`: SERIAL for --serial, None for what workers.count gives."""
-    parser.epilog = "The bytes are the same with any workers."
+    parser.epilog = "\n\n".join(part for part in (parser.epilog, "The bytes are the same with any workers.") if part)
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--serial", action="store_const", const=SERIAL, dest="workers", help="here, without Ray")
     group.add_argument(
@@ -104,6 +108,8 @@ def assembled(workers: int | None, little: bool, report: Callable[[Mapping[str, 
         console.StageError: Ray does not start, or the cluster is not to be had, or not as it should be.
     """
     address = os.environ.get("RAY_ADDRESS")
+    if address == "local":  # as Ray has it: none
+        address = None
     if workers == SERIAL or (workers is None and little and not address):
         yield _Here(report)
     elif address:
@@ -302,6 +308,7 @@ def _ray(begin: Callable[[], None]) -> Iterator[None]:
 
 def _start(workers: int | None) -> None:
     """A Ray for this process, on loopback (see stages/__init__.py), without dashboard."""
+    place = str(folder.found())
     for left in reversed(range(STARTS)):
         try:
             ray.init(
@@ -311,6 +318,7 @@ def _start(workers: int | None) -> None:
                 log_to_driver=False,
                 logging_level=logging.ERROR,
                 object_store_memory=OBJECT_STORE,
+                _temp_dir=place,
             )
             return
         except Exception as fault:  # on a machine under load its daemons may miss Ray's own time limit
@@ -320,12 +328,29 @@ def _start(workers: int | None) -> None:
                 raise console.StageError(f"{said} ({reason(fault)[1]}).") from fault
 
 
+def _unanswered(address: str) -> str:
+    """Why no Ray answers there, in words; empty if one does. Ray itself would ask for a quarter of an hour."""
+    command = [sys.executable, "-m", "ray.scripts.scripts", "health-check", "--address", address]
+    try:
+        done = subprocess.run(
+            command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=ANSWER_SECONDS
+        )
+    except subprocess.TimeoutExpired:
+        return f"no Ray answered within {ANSWER_SECONDS} s"
+    said = (done.stdout + done.stderr).strip().splitlines()
+    return "" if done.returncode == 0 else (said or ["no Ray answers"])[-1]
+
+
 def _join(address: str) -> None:
     """The cluster; the code travels there, so that its nodes need but Python and requirements.lock."""
     if address.startswith("ray://"):
         raise console.StageError(
             f"RAY_ADDRESS is {address}, for Ray's client, which this pipeline does not use: make this machine a node "
             "(`ray start --address=HOST:6379 --num-cpus=0`), then set RAY_ADDRESS=auto."
+        )
+    if silence := _unanswered(address):
+        raise console.StageError(
+            f"The cluster at RAY_ADDRESS={address} cannot be joined ({silence}). Start it, or mend the address."
         )
     code = [str(Path(package.__path__[0])) for package in (mimo, stages)]
     passed = {name: os.environ[name] for name in (*runtime.ENVIRONMENT, *runtime.KERNELS) if name in os.environ}

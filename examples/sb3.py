@@ -35,12 +35,12 @@ ROLLOUT, BATCH = 250, 50  # agent steps: between PPO's updates, a tenth of an ex
 
 
 class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarray]):
-    """MIMoMobile-v0 with h for the picture, and an intrinsic reward for its own.
+    """mimo/MIMoMobile-v0 with h for the picture, and an intrinsic reward for its own.
 
     `info` has, besides that of the environment, `rewards`: (12,) what each joint earned, as the paper's agent is paid.
 
     Args:
-        env: MIMoMobile-v0.
+        env: mimo/MIMoMobile-v0.
         settings: all of params.yaml.
         reward: a reward's name, or several joined by "_".
         trained: the encoder.

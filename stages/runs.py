@@ -22,7 +22,9 @@ def main() -> None:
         not store.has(store.RUN, run["digest"], elsewhere=[target]) for run, target in zip(listed, targets, strict=True)
     )
     if lacking:
-        raise console.StageError(f"The store lacks {lacking} of the {len(listed)} runs of {manifest}; {_remedy(listed)}")
+        raise console.StageError(
+            f"The store lacks {lacking} of the {len(listed)} runs of {manifest}; {_remedy(listed)}"
+        )
     for run, target in zip(listed, targets, strict=True):
         stored = store.place(store.RUN, run["digest"])
         if artifact.content(stored) != run["content"]:

@@ -209,6 +209,17 @@ def load(path: str | Path = "params.yaml") -> Params:
     return loaded(Path(path), Params)
 
 
+def published() -> Params:
+    """The project's own constants: of its params.yaml, or of the copy that an installed library brings.
+
+    Raises:
+        ParamsError: as `load` does.
+    """
+    package = Path(__file__).parents[1]
+    brought = package / "params.yaml"
+    return load(brought if brought.is_file() else package.parent / "params.yaml")
+
+
 def loaded(path: Path, kind: type[S]) -> S:
     """Read and check a file of settings.
 

@@ -1,10 +1,12 @@
-"""`MIMoMobile-v0`: the paper's world as a Gymnasium environment, for learners of your own.
+"""`mimo/MIMoMobile-v0`: the paper's world as a Gymnasium environment, for learners of your own.
 
 import gymnasium
-env = gymnasium.make("mimo.world.env:MIMoMobile-v0", condition="noisy", limb="right_hand")
+import mimo.world.env  # registers it
+
+env = gymnasium.make("mimo/MIMoMobile-v0", condition="noisy", limb="right_hand")
+envs = gymnasium.make_vec("mimo/MIMoMobile-v0", num_envs=16)
 """
 
-from pathlib import Path
 from typing import Any, ClassVar
 
 import gymnasium
@@ -20,22 +22,65 @@ from mimo.settings.section import Condition, Limb
 from mimo.world import body, scene
 from mimo.world.eye import SIZE, Eye
 from mimo.world.physics import Worlds
-from mimo.world.protocol import phase, steps
+from mimo.world.protocol import JOINTS, phase, steps
 
-PARAMS = Path(__file__).parents[2] / "params.yaml"
+CHANGED = ("limb", "baseline_steps", "attached_steps", "extinction_steps")  # fields of params.Protocol
 VIEW = (480, 640)  # pixels of the third-person picture: height, width
 
 Observation = dict[str, np.ndarray]
 
 
-class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
+class Setting:
+    """What both environments are made from: the scene, the protocol, the force, the spaces of one world.
+
+    Args:
+        condition: free or noisy.
+        lengths: fields of params.Protocol to change; None for that of `settings`.
+        settings: constants of the world; None for the published ones.
+
+    Raises:
+        ParamsError: a value does not hold.
+    """
+
+    def __init__(self, condition: str, lengths: dict[str, object], settings: Params | None) -> None:
+        whole = settings or params.published()
+        given = {name: value for name, value in lengths.items() if value is not None}
+        self.protocol = params.checked(whole.protocol, given)
+        if condition not in params.Conditions.model_fields:
+            known = " or ".join(params.Conditions.model_fields)
+            raise ParamsError(f"condition must be {known}; it is {condition!r}.")
+        self.force = getattr(whole.conditions, condition).force
+        self.scene = scene.build(whole.world, self.protocol)
+        self.actions = spaces.MultiBinary(JOINTS)
+        self.observations = spaces.Dict(
+            {
+                "proprioception": spaces.Box(-2 * np.pi, 2 * np.pi, (len(body.JOINTS),), np.float64),
+                "vision": spaces.Box(0, 255, (SIZE, SIZE, 3), np.uint8),
+            }
+        )
+
+    def attached(self, step: int) -> bool:
+        """Whether the rope is on in a step, counted from 0."""
+        return step < steps(self.protocol) and phase(self.protocol, step) == "attached"
+
+    def info(self, step: int, path_length: float, centre: np.ndarray) -> dict[str, Any]:
+        """What `info` holds after a step, counted from 0, of one world."""
+        return {
+            "mtl": float(path_length),
+            "centre_of_mass": centre.copy(),
+            "phase": phase(self.protocol, min(step, steps(self.protocol) - 1)),
+            "attached": self.attached(step),
+        }
+
+
+class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray], gymnasium.utils.EzPickle):
     """One infant, one mobile; an episode is one experiment: baseline, attached, extinction (paper §2.4).
 
     Observation: `proprioception` (47,) joint angles in rad in the order of body.JOINTS, `vision` (128, 128, 3) uint8,
     the right eye's picture. Action: (12,) 0 or 1, MOVE or not for body.ACTUATED; the direction is random (paper §2.2).
     Reward: MTL, metres the mobile travelled (paper §3.3); the intrinsic rewards are the learner's own affair (see
     mimo.learning.rewards). `info`: `mtl` m, `centre_of_mass` (3,) m, `phase`, `attached`. Truncated at the end of
-    extinction.
+    extinction. Pickled, it is made anew from its arguments, and begins with `reset`.
 
     Args:
         condition: free or noisy.
@@ -65,32 +110,17 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         render_mode: str | None = None,
         settings: Params | None = None,
     ) -> None:
-        whole = settings or params.load(PARAMS)
-        lengths: dict[str, object] = {
-            "limb": limb,
-            "baseline_steps": baseline_steps,
-            "attached_steps": attached_steps,
-            "extinction_steps": extinction_steps,
-        }
-        given = {name: value for name, value in lengths.items() if value is not None}
-        self._protocol = params.checked(whole.protocol, given)
-        if condition not in params.Conditions.model_fields:
-            known = " or ".join(params.Conditions.model_fields)
-            raise ParamsError(f"condition must be {known}; it is {condition!r}.")
-        self._force = getattr(whole.conditions, condition).force
-        self._scene = scene.build(whole.world, self._protocol)
-        self._eye = Eye(self._scene)
+        given = (condition, limb, baseline_steps, attached_steps, extinction_steps, render_mode, settings)
+        gymnasium.utils.EzPickle.__init__(self, *given)
+        lengths = (limb, baseline_steps, attached_steps, extinction_steps)
+        self._setting = Setting(condition, dict(zip(CHANGED, lengths, strict=True)), settings)
+        self._eye = Eye(self._setting.scene)
         self._view: mujoco.Renderer | None = None
         self._worlds: Worlds | None = None
         self._step = 0
         self.render_mode = render_mode
-        self.action_space = spaces.MultiBinary(len(body.ACTUATED))
-        self.observation_space = spaces.Dict(  # type: ignore[assignment]
-            {
-                "proprioception": spaces.Box(-2 * np.pi, 2 * np.pi, (len(body.JOINTS),), np.float64),
-                "vision": spaces.Box(0, 255, (SIZE, SIZE, 3), np.uint8),
-            }
-        )
+        self.action_space = self._setting.actions
+        self.observation_space = self._setting.observations  # type: ignore[assignment]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -98,8 +128,8 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         """Back to rest, at the start of baseline; the same seed repeats everything that follows."""
         super().reset(seed=seed)
         self._step = 0
-        self._worlds = Worlds(self._scene, self._protocol, self._force, [self.np_random])
-        return self._observe(self._worlds), self._info(0.0, self._worlds.centre_of_mass[0])
+        self._worlds = Worlds(self._setting.scene, self._setting.protocol, self._setting.force, [self.np_random])
+        return self._observe(self._worlds), self._setting.info(0, 0.0, self._worlds.centre_of_mass[0])
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One agent step of 600 ms (paper §2.3).
@@ -109,47 +139,46 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray]):
         """
         if self._worlds is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        positive = self.np_random.random((1, len(body.ACTUATED))) < 0.5
-        outcome = self._worlds.step(np.asarray(action, dtype=bool)[None], positive, self._attached())
-        mtl, info = float(outcome.path_length[0]), self._info(outcome.path_length[0], outcome.centre_of_mass[0])
+        positive = self.np_random.random((1, JOINTS)) < 0.5
+        attached = self._setting.attached(self._step)
+        outcome = self._worlds.step(np.asarray(action, dtype=bool)[None], positive, attached)
+        info = self._setting.info(self._step, outcome.path_length[0], outcome.centre_of_mass[0])
         self._step += 1
-        return self._observe(self._worlds), mtl, False, self._step >= steps(self._protocol), info
+        truncated = self._step >= steps(self._setting.protocol)
+        return self._observe(self._worlds), float(outcome.path_length[0]), False, truncated, info
 
     def render(self) -> np.ndarray | None:
         """The scene in third person, the rope drawn when attached; None unless render_mode is rgb_array."""
         if self.render_mode != "rgb_array" or self._worlds is None:
             return None
+        model = self._setting.scene.model
         if self._view is None:
-            self._view = runtime.renderer(self._scene.model, *VIEW)
-        data = mujoco.MjData(self._scene.model)
+            self._view = runtime.renderer(model, *VIEW)
+        data = mujoco.MjData(model)
         data.qpos[:] = self._worlds.qpos[0]
-        mujoco.mj_forward(self._scene.model, data)
+        mujoco.mj_forward(model, data)
         camera, option = mujoco.MjvCamera(), mujoco.MjvOption()
         camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (-0.05, 0, 0.2), 1.5, 130, -30
-        option.tendongroup[:] = self._attached()
+        option.tendongroup[:] = self._setting.attached(self._step)
         self._view.update_scene(data, camera, option)
         return runtime.drawn(self._view)
 
     def close(self) -> None:
-        """Free the GL contexts."""
+        """Free the GL contexts.
+
+        Raises:
+            RenderError: another thread has drawn.
+        """
         self._eye.close()
         if self._view is not None:
             runtime.close(self._view)
 
-    def _attached(self) -> bool:
-        return self._step < steps(self._protocol) and phase(self._protocol, self._step) == "attached"
-
     def _observe(self, worlds: Worlds) -> Observation:
         return {"proprioception": worlds.proprioception()[0], "vision": self._eye.frames(worlds.qpos)[0]}
 
-    def _info(self, path_length: float, centre: np.ndarray) -> dict[str, Any]:
-        step = min(self._step, steps(self._protocol) - 1)
-        return {
-            "mtl": float(path_length),
-            "centre_of_mass": centre.copy(),
-            "phase": phase(self._protocol, step),
-            "attached": self._attached(),
-        }
 
-
-gymnasium.register(id="MIMoMobile-v0", entry_point="mimo.world.env:MIMoMobileEnv")
+gymnasium.register(
+    id="mimo/MIMoMobile-v0",
+    entry_point="mimo.world.env:MIMoMobileEnv",
+    vector_entry_point="mimo.world.vector_env:MIMoMobileVectorEnv",
+)

@@ -17,7 +17,7 @@ class Constant:
 
 
 def constants(text: str) -> list[Constant]:
-    """Every constant with the comment on its line, every variant with what it asks.
+    """Every constant with the comment on its line or, without one, on its section's; every variant with what it asks.
 
     Args:
         text: params.yaml or studies/params.yaml.
@@ -27,7 +27,7 @@ def constants(text: str) -> list[Constant]:
     return _constants(root, text.splitlines(), ())
 
 
-def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> list[Constant]:
+def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...], common: str = "") -> list[Constant]:
     found = []
     assert isinstance(node, yaml.MappingNode)
     for key, value in node.value:
@@ -38,12 +38,11 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> lis
             found.append(Constant(".".join(name), text, "ours", own["asks"].value))
             continue
         if isinstance(value, yaml.MappingNode):
-            found += _constants(value, lines, name)
+            found += _constants(value, lines, name, _comment(lines, key.end_mark))
             continue
         # A list over several lines ends where the next key begins: its comment, if any, is beside its own key.
         end = key.end_mark if isinstance(value, yaml.SequenceNode) and not value.flow_style else value.end_mark
-        _, mark, comment = lines[end.line][end.column :].partition("#")
-        comment = comment.strip() if mark else ""
+        comment = _comment(lines, end) or common
         sources = [
             kind
             for kind, sign in (("paper", r"\bpaper (§|fig|appendix)"), ("ours", r"\bours:"))
@@ -51,6 +50,11 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...]) -> lis
         ]
         found.append(Constant(".".join(name), _text(value), " and ".join(sources), comment))
     return found
+
+
+def _comment(lines: list[str], end: yaml.Mark) -> str:
+    """What the line has from there."""
+    return lines[end.line][end.column :].partition("#")[2].strip()
 
 
 def _text(value: yaml.Node) -> str:

@@ -178,7 +178,7 @@ def test_the_checkers_are_content(beside: Path, reward: str) -> None:
 
 
 def test_the_bare_environment_suits_stable_baselines() -> None:
-    env = gymnasium.make("mimo.world.env:MIMoMobile-v0")
+    env = gymnasium.make("mimo.world.env:mimo/MIMoMobile-v0")
     env_checker.check_env(env)
     env.close()
 

@@ -32,7 +32,7 @@ torch.optim.AdamW([torch.zeros(1, requires_grad=True)])
 """
 VECTOR = """
 import gymnasium
-envs = gymnasium.make_vec("mimo.world.env:MIMoMobile-v0", num_envs=2, vectorization_mode="async")
+envs = gymnasium.make_vec("mimo.world.env:mimo/MIMoMobile-v0", num_envs=2, vectorization_mode="async")
 seen, _ = envs.reset(seed=0)
 assert seen["vision"].shape == (2, 128, 128, 3) and seen["vision"].any(axis=(1, 2, 3)).all()
 assert envs.step(envs.action_space.sample())[0]["vision"].any()

@@ -1,5 +1,6 @@
 """MIMoMobile-v0 as Gymnasium sees it."""
 
+import pickle
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -17,7 +18,7 @@ SHORT: dict[str, Any] = {"baseline_steps": 2, "attached_steps": 3, "extinction_s
 
 @pytest.fixture
 def env(request: pytest.FixtureRequest) -> Iterator[Any]:
-    made = gymnasium.make("mimo.world.env:MIMoMobile-v0", **SHORT, **getattr(request, "param", {}))
+    made = gymnasium.make("mimo/MIMoMobile-v0", **SHORT, **getattr(request, "param", {}))
     yield made
     made.close()
 
@@ -103,3 +104,14 @@ def test_step_before_reset_is_refused() -> None:
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros(12))
     env.close()
+
+
+def test_a_pickled_environment_is_an_equal_one() -> None:
+    made = MIMoMobileEnv("noisy", "right_hand", **SHORT)
+    before = episode(made, 3)
+    again = pickle.loads(pickle.dumps(made))
+    for one, other in zip(before, episode(again, 3), strict=True):
+        assert (one[0]["vision"] == other[0]["vision"]).all()
+        assert one[1:3] == other[1:3]
+    made.close()
+    again.close()

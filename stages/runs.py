@@ -22,9 +22,7 @@ def main() -> None:
         not store.has(store.RUN, run["digest"], elsewhere=[target]) for run, target in zip(listed, targets, strict=True)
     )
     if lacking:
-        raise console.StageError(
-            f"The store lacks {lacking} of the {len(listed)} runs of {manifest}; {_remedy(listed)}"
-        )
+        raise console.StageError(f"The store lacks {lacking} of {len(listed)} runs of {manifest}; {_remedy(listed)}")
     for run, target in zip(listed, targets, strict=True):
         stored = store.place(store.RUN, run["digest"])
         if artifact.content(stored) != run["content"]:
@@ -34,11 +32,12 @@ def main() -> None:
 
 def _remedy(listed: list[dict[str, Any]]) -> str:
     """What costs least: to get the runs, or to compute them alone and nothing that they are made from."""
-    variant = listed[0]["variant"]
-    pipeline, sweep = ("studies/dvc.yaml", "studies/dvc.yaml:vary") if variant else ("dvc.yaml", "train")
+    pipeline, own = "dvc.yaml", "train runs"
+    if listed[0]["variant"]:
+        pipeline, own = "studies/dvc.yaml", "studies/dvc.yaml:vary studies/dvc.yaml:variants"
     return (
-        f"get them by `make fetch` or `dvc repro --pull {pipeline}`, or compute what is missing, and nothing else, by "
-        f"`dvc repro --single-item --force {sweep}`; then run this again."
+        f"get them by `make fetch` or `dvc repro --pull {pipeline}`, or compute what is missing of them, and nothing "
+        f"else, by `dvc repro --single-item --force {own}`."
     )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from stages.base import paths
+from tests.pipeline.conftest import CELLS
 from tests.pipeline.project import call, done, edit, python, ran, stored
 
 pytestmark = pytest.mark.timeout(900)
@@ -36,9 +37,9 @@ def test_a_worktree_computes_nothing_that_the_clone_has(project: Path, tmp_path:
     said = python(tmp_path / "tree", "stages.commands.paper")
     assert said.returncode == 0, said.stderr
     assert said.stdout.splitlines()[-1] == (
-        "9 artifacts, 0 of them recomputed; 9 equal the 9 published; dvc.lock and reports are the same bytes."
+        "9 artifacts, 1 of them recomputed; 9 equal the 9 published; dvc.lock and reports are the same bytes."
     )
-    assert made(project) == before
+    assert made(project) == before + 1  # the results, which are quick
     assert [path.name for path in (tmp_path / "tree/.work").iterdir()] == ["lock"]
 
 
@@ -67,8 +68,10 @@ def test_a_merge_leaves_no_marks_in_what_dvc_repro_writes_and_it_mends_the_rest(
     for path in done(project, "git", "diff", "--name-only", "--diff-filter=U").splitlines():
         assert path == "dvc.lock" or path.startswith("reports/")
         assert b"<<<<<<<" not in (project / path).read_bytes()
-    said = done(project, "dvc", "repro")
-    assert "4 runs, 4 of them in the store." in said
+    before, runs = made(project), stored(project)
+    done(project, "dvc", "repro")
+    assert stored(project) == runs
+    assert made(project) <= before + 1  # the results, at most
     done(project, "git", "add", "dvc.lock", "reports")
     assert not done(project, "git", "diff", "--name-only", "--diff-filter=U")
 
@@ -76,17 +79,19 @@ def test_a_merge_leaves_no_marks_in_what_dvc_repro_writes_and_it_mends_the_rest(
 def test_after_a_partial_pull_the_advice_costs_the_runs_alone(clone: Path) -> None:
     parts = [str(path) for path in (paths.ENCODER, paths.SCALES, paths.MANIFESTS)]
     done(clone, "dvc", "pull", "-q", *parts)
-    failed = python(clone, "dvc", "repro", "runs@free-mtl")
+    failed = python(clone, "dvc", "repro", "--single-item", "runs@free-mtl")
     assert failed.returncode != 0
+    advice = "dvc repro --single-item --force train runs"
     assert (
         "The store lacks 1 of 1 runs of data/manifests/free-mtl.json; get them by `make fetch` or `dvc repro --pull "
-        "dvc.yaml`, or compute what is missing, and nothing else, by `dvc repro --single-item --force train`; then run "
-        "this again."
-    ) in failed.stdout + failed.stderr
-    said = done(clone, "dvc", "repro", "--single-item", "--force", "train")
-    assert ran(said) == {"train"}
-    done(clone, "dvc", "repro", "--single-item", "runs@free-mtl")
-    assert {path.name for path in (clone / ".work").glob("*s")} == {"runs"}  # no frames, no encoder, no scales
+        f"dvc.yaml`, or compute what is missing of them, and nothing else, by `{advice}`."
+    ) in failed.stderr
+    assert ran(done(clone, *advice.split())) == {"train", *(f"runs@{cell}" for cell in CELLS)}
+    assert len(list((clone / paths.RUNS).rglob("*.h5"))) == 4
+    assert {path.name for path in (clone / ".work").glob("*s")} == {
+        "runs",
+        "progress",
+    }  # no frames, no encoder, no scales
 
 
 def test_after_a_partial_pull_the_rest_can_be_pulled(clone: Path) -> None:

@@ -2,7 +2,10 @@
 
 import base64
 import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +21,7 @@ from stages.page.page import Made
 from tests.unit.page.reading import Page, plain, rows
 from tests.unit.reported import LENGTHS
 
+ROOT = Path(__file__).parents[3]
 VERSIONS = {"mujoco-core": "4", "torch": "2", "numpy": "2"}
 
 
@@ -48,6 +52,16 @@ def test_the_page_holds_every_figure_and_links_to_its_files(made: Made, html: st
     words = [value or "" for tag, name, value in attributes if (tag, name) == ("img", "alt")]
     assert len(words) == len(drawn)
     assert all(len(word) > 40 for word in words)
+
+
+def test_the_page_is_the_same_in_a_locale_of_other_letters(copied: Path):
+    """Text is UTF-8 whatever the user's locale; Python's own UTF-8 mode would hide it if it were not."""
+    before = paths.REPORT.read_bytes()
+    paths.REPORT.unlink()
+    locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-m", "stages.report"], env=os.environ | locale, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert paths.REPORT.read_bytes() == before
 
 
 @pytest.mark.parametrize("path", [paths.REPORT, paths.STUDIES], ids=str)

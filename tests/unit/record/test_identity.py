@@ -39,6 +39,15 @@ def edit(root: Path, module: str, old: str, new: str) -> None:
     path.write_text(path.read_text().replace(old, new))
 
 
+def test_line_ends_do_not_count(root: Path) -> None:
+    """Some editors and clones bring others; text over several lines is then one value all the same."""
+    edit(root, "body", "MASS = 10.9\n", 'MASS = 10.9\nTEXT = """one\ntwo"""\n')
+    before = identity.code("mimo.experiment", root=root)
+    for path in root.rglob("*.py"):
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert identity.code("mimo.experiment", root=root) == before
+
+
 def test_imports_are_followed(root: Path) -> None:
     found = identity.code("mimo.experiment", root=root)
     assert list(found) == ["mimo", *(f"mimo.{name}" for name in ("body", "experiment", "outcomes", "rewards", "world"))]

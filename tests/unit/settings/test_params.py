@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dvc.utils import hydra
 
 from mimo.settings import params
 from mimo.settings.files import ParamsError
 from tests.unit.settings.shipped import PARAMS, Keys
 
+ROOT = Path(__file__).parents[3]
 P = params.load(PARAMS.path)
 
 
@@ -63,3 +65,19 @@ def test_a_copy_that_does_not_hold_is_refused_with_all_its_faults() -> None:
     ]
     with pytest.raises(ParamsError, match=r"^gamma must be less than 1; it is 1\.0\.$"):
         params.checked(P.agent, {"gamma": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("file", "change"), [("params.yaml", "world.mobile_mass=0.03"), ("studies/params.yaml", "effects.worlds=4")]
+)
+def test_dvcs_writer_leaves_the_file_as_it_is(file: str, change: str, tmp_path: Path) -> None:
+    """`dvc exp run -S` reads, changes and writes it: all but the value stays byte for byte, comments and all."""
+    shipped = (ROOT / file).read_bytes()
+    (copy := tmp_path / "params.yaml").write_bytes(shipped)
+    hydra.apply_overrides(copy, [change])
+    assert copy.read_bytes() == shipped
+    key, _, value = change.rpartition("=")
+    hydra.apply_overrides(copy, [f"{key}=7{value}"])
+    before, after = shipped.splitlines(), copy.read_bytes().splitlines()
+    (changed,) = [pair for pair in zip(before, after, strict=True) if pair[0] != pair[1]]
+    assert changed[1] == changed[0].replace(f": {value} ".encode(), f": 7{value} ".encode())

@@ -25,7 +25,7 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 import mimo
 import stages
-from mimo.record import identity, runtime
+from mimo.record import identity, kernels, runtime
 from stages.base import console, paths, provenance
 from stages.base.workers import VARIABLE, count
 from stages.sweep import folder
@@ -268,6 +268,7 @@ def _other(versions: Mapping[str, str]) -> str:
         return f"{node} has {', '.join(found)}"
     try:
         runtime.check("numpy")
+        kernels.check()
     except runtime.KernelError as fault:
         return f"{node}: {fault}"
     return ""

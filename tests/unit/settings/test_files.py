@@ -20,21 +20,6 @@ def test_the_shipped_file_loads(file: Shipped) -> None:
 
 
 @pytest.mark.parametrize("file", FILES, ids=label)
-def test_each_constant_says_where_it_comes_from(file: Shipped) -> None:
-    """Of a variant, `asks` says it."""
-    unsourced = []
-    text, *variants = file.path.read_text().split("\n  variants:")
-    if file is STUDIES:
-        assert variants[0].count("\n      asks: ") == len(file.whole["sweeps"]["variants"])
-    for line in text.splitlines():
-        code, _, comment = line.partition("#")
-        is_constant = code.strip() and not code.rstrip().endswith(":")
-        if is_constant and not re.search(r"\bpaper (§\d|fig|appendix)|\bours: \w", comment):
-            unsourced.append(line)
-    assert not unsourced
-
-
-@pytest.mark.parametrize("file", FILES, ids=label)
 def test_exponents_have_no_place_in_the_file(file: Shipped) -> None:
     code = "\n".join(line.partition("#")[0] for line in file.path.read_text().splitlines())
     assert not re.search(r"\d[eE]-?\d", code)

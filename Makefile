@@ -13,7 +13,7 @@ STAMP := .venv/.stamp
 .PHONY: help paper studies watch verify publish share fetch preview test same-bytes check format bench scaling .venv
 
 help: ## List the commands
-	@sed -n 's/^\([a-z.]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z.-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
 paper: $(STAMP) ## Every figure, table and claim of the paper: only what is missing is computed
 	@python -m stages.commands.gl --install

@@ -36,8 +36,8 @@ def _remedy(listed: list[dict[str, Any]]) -> str:
     if listed[0]["variant"]:
         pipeline, own = "studies/dvc.yaml", "studies/dvc.yaml:vary studies/dvc.yaml:variants"
     return (
-        f"get them by `make fetch` or `dvc repro --pull {pipeline}`, or compute what is missing of them, and nothing "
-        f"else, by `dvc repro --single-item --force {own}`."
+        f"get them by `make fetch` or `dvc repro --pull {pipeline}`, or compute them, and nothing else that is "
+        f"missing, by `dvc repro --single-item --force {own}`."
     )
 
 

@@ -59,6 +59,17 @@ class Setting:
             }
         )
 
+    def moved(self, action: np.ndarray, worlds: int) -> np.ndarray:
+        """(worlds, 12) bool, of actions (worlds, 12) 0 or 1.
+
+        Raises:
+            ValueError: they are no such actions.
+        """
+        given = np.asarray(action)
+        if given.shape != (worlds, JOINTS) or not np.isin(given, (0, 1)).all():
+            raise ValueError(f"An action is 12 numbers 0 or 1 for each world, {(worlds, JOINTS)}; it is {given!r}.")
+        return given.astype(bool)
+
     def attached(self, step: int) -> bool:
         """Whether the rope is on in a step, counted from 0."""
         return step < steps(self.protocol) and phase(self.protocol, step) == "attached"
@@ -136,12 +147,13 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray], gymnasium.utils.EzPi
 
         Raises:
             DivergedError: the physics diverged.
+            ValueError: the action is not 12 numbers 0 or 1.
         """
         if self._worlds is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         positive = self.np_random.random((1, JOINTS)) < 0.5
         attached = self._setting.attached(self._step)
-        outcome = self._worlds.step(np.asarray(action, dtype=bool)[None], positive, attached)
+        outcome = self._worlds.step(self._setting.moved(np.asarray(action)[None], 1), positive, attached)
         info = self._setting.info(self._step, outcome.path_length[0], outcome.centre_of_mass[0])
         self._step += 1
         truncated = self._step >= steps(self._setting.protocol)

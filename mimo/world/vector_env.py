@@ -10,6 +10,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from mimo.settings.files import ParamsError
 from mimo.settings.params import Params
 from mimo.settings.section import Condition, Limb
 from mimo.world.env import CHANGED, Observation, Setting
@@ -58,7 +59,9 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         lengths = (limb, baseline_steps, attached_steps, extinction_steps)
         self._setting = Setting(condition, dict(zip(CHANGED, lengths, strict=True)), settings)
         self._eye = Eye(self._setting.scene)
-        self._threads = threads or min(num_envs, joblib.cpu_count())
+        self._threads = min(num_envs, joblib.cpu_count()) if threads is None else threads
+        if self._threads < 1:
+            raise ParamsError(f"threads must be at least 1; it is {threads}.")
         self._worlds: Worlds | None = None
         self._generators: dict[int, np.random.Generator] = {}  # in the order of the worlds
         self._step = 0
@@ -81,7 +84,7 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         """
         if options:
             raise ValueError(f"options must be empty; there is {', '.join(options)}.")
-        seeds = [seed + world for world in range(self.num_envs)] if isinstance(seed, int) else seed
+        seeds = [seed + world for world in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs}; there are {len(seeds)}.")
@@ -95,6 +98,7 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
 
         Raises:
             DivergedError: the physics of one diverged.
+            ValueError: the actions are not 12 numbers 0 or 1 for each world.
         """
         if self._worlds is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
@@ -104,7 +108,7 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             return seen, np.zeros(self.num_envs), never, never.copy(), infos
         positive = np.stack([draw.random(JOINTS) for draw in self._generators.values()]) < 0.5
         attached = self._setting.attached(self._step)
-        outcome = self._worlds.step(np.asarray(actions, dtype=bool), positive, attached)
+        outcome = self._worlds.step(self._setting.moved(actions, self.num_envs), positive, attached)
         infos = self._infos(outcome.path_length, outcome.centre_of_mass)
         self._step += 1
         truncated = np.full(self.num_envs, self._step == last)

@@ -13,6 +13,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType, TracebackType
 
 import psutil  # type: ignore[import-untyped]
@@ -38,24 +39,26 @@ class StageError(Fault):
 def main(work: Callable[[], None]) -> int:
     """Run a stage; the exit code is 0 if it succeeded.
 
-    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.log(). SIGINT and SIGTERM
-    end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever cause.
+    Known faults are printed as they are; an unknown one as a sentence, its traceback in paths.log(), which has all.
+    SIGINT and SIGTERM end the stage in good order, and so does the end of the `dvc repro` that started it, by whatever
+    cause.
     """
     atexit.register(gc.freeze)  # else Python looks through all of torch for garbage before it ends, for a second
     signal.signal(signal.SIGTERM, _stop)
     if STARTER:
         threading.Thread(target=_end_with, args=(STARTER,), daemon=True).start()
     try:
-        with alone():
+        with alone(), watched.at_work():
             work()
     except Fault as fault:
         print(fault, file=sys.stderr)
+        _logged(str(fault))
         return 1
     except KeyboardInterrupt:
         print(STOPPED, file=sys.stderr)
         return 130
     except Exception as fault:
-        print(f"{_sentence(fault)}{_logged()}", file=sys.stderr)
+        print(f"{_sentence(fault)}{_logged(traceback.format_exc())}", file=sys.stderr)
         return 1
     return 0
 
@@ -70,10 +73,11 @@ def alone() -> Iterator[None]:
         StageError: the lock cannot be had, since the folder takes no file.
     """
     try:
+        paths.store().mkdir(parents=True, exist_ok=True)
         paths.LOCK.parent.mkdir(exist_ok=True)
         file = paths.LOCK.open("a+", encoding="utf-8", errors="replace")
     except OSError as fault:
-        raise StageError(f"{paths.LOCK} cannot be opened ({fault.strerror}); {MEND}.") from fault
+        raise StageError(f"{fault.filename or paths.LOCK} cannot be opened ({fault.strerror}); {MEND}.") from fault
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -108,11 +112,17 @@ def _stop(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def die_with_parent() -> None:
-    """Have the kernel kill this process when the one that started it is gone (Linux)."""
+def die_with_parent(parent: int | None = None) -> None:
+    """Have the kernel kill this process when the one that started it is gone (Linux); at once if `parent` is already.
+
+    Args:
+        parent: the process that started this one, where that is known.
+    """
     if sys.platform == "linux":
         death = 1  # PR_SET_PDEATHSIG of prctl(2)
         ctypes.CDLL(None).prctl(death, signal.SIGKILL)
+    if parent is not None and os.getppid() != parent:
+        os._exit(1)
 
 
 def _starter() -> psutil.Process | None:
@@ -146,6 +156,9 @@ def _uncaught(kind: type[BaseException], value: BaseException, trace: TracebackT
 
 
 sys.excepthook = _uncaught
+for _stream in (sys.stdout, sys.stderr):
+    if hasattr(_stream, "reconfigure"):
+        _stream.reconfigure(errors="replace")  # where the user's locale has no such letter
 
 
 def _sentence(fault: Exception) -> str:
@@ -155,13 +168,14 @@ def _sentence(fault: Exception) -> str:
     return f"{type(fault).__name__}: {fault}"
 
 
-def _logged() -> str:
-    """Write the traceback to paths.log(); where, in words, or nothing if even that cannot be written."""
-    log = paths.log()
+def _logged(text: str) -> str:
+    """Write what went wrong to paths.log(); where, in words, or nothing if even that cannot be written."""
     try:
+        log = paths.log()
         log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_text(traceback.format_exc(), encoding="utf-8")
-    except OSError:
+        with log.open("a", encoding="utf-8") as file:
+            file.write(f"{Path.cwd()}: {text.rstrip()}\n")
+    except (OSError, Fault):
         return ""
     return f" (see {log})"
 
@@ -190,19 +204,18 @@ class Progress:
             disable=not self._console.is_terminal,
         )
         self._task = self._bar.add_task(what, total=total, note="")
-        self._told = watched.Told()
         self.done = 0
 
     def __enter__(self) -> "Progress":
         self._bar.start()
-        self._told.say(self._text())
+        watched.say(self._text(), now=True)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
-        self._told.end()
+        watched.say(watched.BEGUN, now=True)
         if not self._console.is_terminal and kind is None:
             print(self._text(), file=sys.stderr, flush=True)
 
@@ -211,7 +224,7 @@ class Progress:
         self.done = done
         text = ", ".join(part for part in (note, self._rate()) if part)
         self._bar.update(self._task, completed=done, note=text)
-        self._told.say(self._text(note))
+        watched.say(self._text(note))
         now = time.monotonic()
         if not self._console.is_terminal and now - self._said > LINE_SECONDS:
             self._said = now

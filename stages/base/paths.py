@@ -4,6 +4,8 @@ import os
 import platform
 from pathlib import Path
 
+from mimo.settings.errors import Fault
+
 PARAMS = Path("params.yaml")
 
 FRAMES = Path("data/frames.h5")
@@ -39,15 +41,26 @@ LOCK = WORK / "lock"  # of a folder, whatever store it uses
 EXPERIMENTS = (".dvc", "tmp", "exps")  # where DVC makes copies of the project for temporary and queued experiments
 
 
+class StoreError(Fault):
+    """There can be no store where the user wants it."""
+
+
 def store() -> Path:
     """Where finished artifacts lie by their digests, a folder a kind, with what else outlives an experiment's copy.
 
-    It is MIMO_STORE where that is set, else the clone's, which its worktrees and experiments share.
+    It is MIMO_STORE where that is set, seen from the clone, else the clone's `.work`, which its worktrees and
+    experiments share.
+
+    Raises:
+        StoreError: MIMO_STORE begins with another user's home, and there is no such user.
     """
-    if own := os.environ.get("MIMO_STORE"):
-        return Path(own).expanduser()
     here = Path.cwd()
     clone = _clone(here)
+    if own := os.environ.get("MIMO_STORE"):
+        try:
+            return clone / Path(own).expanduser()
+        except RuntimeError as fault:
+            raise StoreError(f"MIMO_STORE is {own!r}, and that home is not known; name another folder.") from fault
     return WORK if clone == here else clone / WORK
 
 
@@ -78,10 +91,10 @@ def _clone(folder: Path) -> Path:
             return _clone(copy.parents[3])
     link = folder / ".git"
     if link.is_file():  # of a worktree: it names the clone's .git/worktrees/NAME
-        git = folder / link.read_text(encoding="utf-8").removeprefix("gitdir:").strip()
+        git = folder / os.fsdecode(link.read_bytes()).removeprefix("gitdir:").strip()
         common = git / "commondir"
         if common.is_file():
-            top = (git / common.read_text(encoding="utf-8").strip()).resolve()
+            top = (git / os.fsdecode(common.read_bytes()).strip()).resolve()
             return top.parent if top.name == ".git" else folder
     return folder
 

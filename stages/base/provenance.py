@@ -19,7 +19,7 @@ from stages.base import paths
 def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
     """Remember that the artifact was computed now, on the machine `where` or (None) on this one."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    line = {"schema": schema, "digest": digest, "at": now} | (where or machine())
+    line = {"schema": schema, "digest": digest, "at": now, "folder": str(Path.cwd())} | (where or machine())
     paths.provenance().parent.mkdir(parents=True, exist_ok=True)
     # One write to a file opened for appending; a line begins anew even where the one before was cut short.
     with paths.provenance().open("ab", buffering=0) as file:
@@ -27,7 +27,7 @@ def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
 
 
 def lines(start: int = 0) -> list[dict[str, Any]]:
-    """What was noted from byte `start` on; a line that was cut short is passed over."""
+    """What was noted from byte `start` on, for any folder; a line that was cut short is passed over."""
     if not paths.provenance().exists():
         return []
     found = []

@@ -39,6 +39,10 @@ def has(schema: str, digest: str, elsewhere: Iterable[Path] = ()) -> bool:
             aside = path.with_suffix(".damaged")
             with suppress(FileNotFoundError):  # another process was first
                 path.replace(aside)
+            with suppress(artifact.ArtifactError):  # or has put a good one in its place meanwhile
+                artifact.read(aside, schema, digest)
+                aside.replace(path)
+                return True
             print(f"{fault} It was set aside as {aside} and is computed again.", file=sys.stderr)
     for other in elsewhere:
         if other.exists():

@@ -5,15 +5,20 @@ import os
 import platform
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
 
+from mimo.record import artifact
 from stages.base import paths
 
 EVERY = 1.0  # s between what is said
+FORGOTTEN = 86400.0  # s of another machine's silence
+BEGUN = "at work"
+_here: list[Path] = []  # this process's file, while it is at work
+_last = [0.0]  # when it last said something, on time.monotonic's clock
 
 
 @dataclass(frozen=True)
@@ -41,29 +46,26 @@ class Word:
         return max(0.0, time.time() - self.at)
 
 
-class Told:
-    """This process's file. Whatever goes wrong with it is no fault: the work goes on."""
-
-    def __init__(self) -> None:
-        self._path = paths.progress() / f"{platform.node()}-{os.getpid()}.json"
-        self._last = -EVERY
-
-    def say(self, text: str) -> None:
-        """How far it is; at most once in EVERY seconds."""
-        if time.monotonic() - self._last < EVERY:
-            return
-        self._last = time.monotonic()
-        word = Word(os.environ.get("DVC_STAGE", ""), str(Path.cwd()), text, time.time(), platform.node(), os.getpid())
+@contextmanager
+def at_work() -> Iterator[None]:
+    """Say that this process is at work, until the end of the block. What goes wrong with the file stops no work."""
+    _here.append(paths.progress() / f"{platform.node()}-{os.getpid()}.json")
+    try:
+        say(BEGUN, now=True)
+        yield
+    finally:
         with suppress(OSError):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            part = self._path.with_suffix(".part")
-            part.write_text(json.dumps(asdict(word)), encoding="utf-8")
-            part.replace(self._path)
+            _here.pop().unlink(missing_ok=True)
 
-    def end(self) -> None:
-        """It has nothing more to say."""
-        with suppress(OSError):
-            self._path.unlink(missing_ok=True)
+
+def say(text: str, now: bool = False) -> None:
+    """How far this process is, if it is at work; at most once in EVERY seconds, unless it must be `now`."""
+    if not _here or (time.monotonic() - _last[0] < EVERY and not now):
+        return
+    _last[0] = time.monotonic()
+    word = Word(os.environ.get("DVC_STAGE", ""), str(Path.cwd()), text, time.time(), platform.node(), os.getpid())
+    with suppress(artifact.ArtifactError):
+        artifact.publish(json.dumps(asdict(word)).encode(), _here[-1])
 
 
 def words() -> Iterator[Word]:
@@ -71,7 +73,16 @@ def words() -> Iterator[Word]:
     for path in sorted(paths.progress().glob("*.json")):
         with suppress(OSError, ValueError, TypeError):
             word = Word(**json.loads(path.read_text(encoding="utf-8")))
-            if word.node == platform.node() and not psutil.pid_exists(word.pid):
+            if _gone(word):
                 path.unlink(missing_ok=True)
-                continue
-            yield word
+            else:
+                yield word
+
+
+def _gone(word: Word) -> bool:
+    if word.node != platform.node():
+        return word.silent() > FORGOTTEN
+    try:
+        return bool(psutil.Process(word.pid).create_time() > word.at)  # another has its number now
+    except psutil.NoSuchProcess:
+        return True

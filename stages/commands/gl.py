@@ -4,9 +4,10 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
-from mimo.record import runtime
+from mimo.record import artifact, runtime
 from mimo.record.runtime import PACKAGES
 from stages.base import command, paths
 
@@ -30,7 +31,7 @@ with mujoco.Renderer(model, 16, 16) as renderer:
 
 
 def draws() -> bool:
-    """Draw a 16x16 picture; what draws goes to paths.RENDERER, a traceback to the log.
+    """Draw a 16x16 picture; what draws goes to paths.renderer(), a traceback to the log.
 
     In a process of its own: a GL library that was missing at import stays missing there, even once it is installed.
     """
@@ -43,9 +44,8 @@ def draws() -> bool:
     if done.returncode:
         _log(done.stderr)
         return False
-    told = paths.renderer()
-    told.parent.mkdir(parents=True, exist_ok=True)
-    told.write_text(done.stdout.splitlines()[-1] + "\n", encoding="utf-8")
+    with suppress(artifact.ArtifactError):  # it is for provenance alone
+        artifact.publish(f"{done.stdout.splitlines()[-1]}\n".encode(), paths.renderer())
     return True
 
 
@@ -75,11 +75,13 @@ def main(arguments: list[str] | None = None) -> int:
     if draws():
         return 0
     advice = runtime.advice()
-    if wanted and not runtime.chosen() and os.geteuid() == 0 and shutil.which("apt-get"):
+    others = {name for name in ("MUJOCO_GL", "PYOPENGL_PLATFORM") if f"{name}=" in runtime.chosen()}  # not Mesa's EGL
+    if wanted and not others and os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"Installing {' and '.join(PACKAGES)} for off-screen rendering.", flush=True)
         if install() and draws():
             return 0
-        advice = f"{' and '.join(PACKAGES)} could not be installed or did not help."
+        unset = f"; perhaps it helps to unset {runtime.chosen()}." if runtime.chosen() else "."
+        advice = f"{' and '.join(PACKAGES)} could not be installed or did not help{unset}"
     print(f"Pictures cannot be drawn without a screen (see {_log_file()}): {advice}", file=sys.stderr)
     return 1
 
@@ -89,8 +91,8 @@ def _log_file() -> Path:
 
 
 def _log(text: str) -> None:
-    _log_file().parent.mkdir(parents=True, exist_ok=True)
-    _log_file().write_text(text, encoding="utf-8")
+    with suppress(artifact.ArtifactError):
+        artifact.publish(text.encode(), _log_file())
 
 
 if __name__ == "__main__":

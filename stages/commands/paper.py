@@ -52,7 +52,8 @@ def _published(listed: Path) -> str | None:
 def _compared(listed: Path, before: str | None, start: int) -> str:
     """How many artifacts there are, were computed since byte `start` of the provenance, and equal the published."""
     here = catalogue.published(listed.read_text(encoding="utf-8"))
-    computed = {line["digest"] for line in provenance.lines(start)}
+    here_alone = str(Path.cwd())  # others may use the store meanwhile
+    computed = {line["digest"] for line in provenance.lines(start) if line.get("folder") == here_alone}
     anew = sum(entry["digest"] in computed for entry in here.values())
     said = f"{len(here)} artifacts, {anew} of them recomputed"
     if before is None:

@@ -23,7 +23,7 @@ def main() -> None:
     )
     parser.add_argument("what", choices=["push", "fetch"])
     parser.add_argument(
-        "remote", nargs="?", help="folder or URL (s3://…, ssh://…), kept in .dvc/config.local; default: DVC's own"
+        "remote", nargs="?", help="folder or URL (s3://..., ssh://...), kept in .dvc/config.local; default: DVC's own"
     )
     given = parser.parse_args()
     if given.remote:

@@ -10,6 +10,7 @@ from datetime import datetime
 
 from rich.console import Console
 from rich.live import Live
+from rich.text import Text
 
 from stages.base import command, paths, watched
 
@@ -30,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with Live("", console=console, auto_refresh=False) as live:
             while True:
-                live.update("\n".join(lines()), refresh=True)
+                live.update(Text("\n".join(lines())), refresh=True)
                 time.sleep(max(0.1, options.every))
     except KeyboardInterrupt:
         return 0

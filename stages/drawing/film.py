@@ -6,9 +6,12 @@ come out again, to the bit on a machine of the same class; else there is no film
 
 import io
 import multiprocessing
+import os
+import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -32,6 +35,7 @@ from stages.sweep import curves
 # On another class of machine contacts amplify a last bit: single steps differ, by a fifth of the path's range, but soon
 # agree again. Measured, with another libm and torch without AVX: at most .014 of a dataset's range.
 TOLERANCE = 0.03  # of a dataset's range, mean over the steps
+MOST = 8  # processes; encoding takes as long as more would
 AHEAD = 64  # pictures that wait to be encoded, at most
 NEW = 1.0  # s for which a shot's title is set off
 
@@ -113,7 +117,8 @@ class Painter:
 def _painters(p: params.Params, run: artifact.Artifact) -> Iterator[Callable[[Sequence[Moment]], Iterator[np.ndarray]]]:
     """Processes that draw a run's moments, in their order: a picture costs ten times what it takes to encode it."""
     fresh = multiprocessing.get_context("spawn")  # a GL context is of no use after a fork
-    with ProcessPoolExecutor(workers.count(), fresh, _begin, (p, run)) as pool:
+    size = min(workers.count(), MOST)
+    with ProcessPoolExecutor(size, fresh, _begin, (os.getpid(), p, run)) as pool:
 
         def painted(listed: Sequence[Moment]) -> Iterator[np.ndarray]:
             coming: deque[Future[np.ndarray]] = deque()
@@ -123,15 +128,24 @@ def _painters(p: params.Params, run: artifact.Artifact) -> Iterator[Callable[[Se
                     yield coming.popleft().result()
             yield from (picture.result() for picture in coming)
 
-        yield painted
+        try:
+            yield painted
+        except BrokenProcessPool as fault:
+            raise console.StageError(
+                f"A process that drew pictures was lost, as where memory runs out; each of {size} takes some 400 MB. "
+                f"Run it again, with a lower {workers.VARIABLE}."
+            ) from fault
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 _painter: Painter  # of a process that draws
 
 
-def _begin(p: params.Params, run: artifact.Artifact) -> None:
+def _begin(parent: int, p: params.Params, run: artifact.Artifact) -> None:
     global _painter  # noqa: PLW0603  # one a process
-    console.die_with_parent()
+    console.die_with_parent(parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks for pictures
     _painter = Painter(p, run)
 
 

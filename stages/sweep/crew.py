@@ -10,8 +10,7 @@ import math
 import os
 import platform
 import signal
-import subprocess
-import sys
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import ray
+from ray._private import services
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 import mimo
@@ -28,6 +28,7 @@ import stages
 from mimo.record import identity, kernels, runtime
 from stages.base import console, paths, provenance
 from stages.base.workers import VARIABLE, count
+from stages.base.workers import asked as asked_for
 from stages.sweep import folder
 
 POLL_SECONDS = 1.0
@@ -38,7 +39,9 @@ REFUSED = "The cluster is refused: {}. Install requirements.lock on every node."
 SERIAL = 0  # workers: none, this process computes
 REPORTS = 20  # a second, of all workers together
 AHEAD = 8  # workers to a task that waits, so that none of them waits for the driver
-ANSWER_SECONDS = 8  # for a cluster to say that it is there
+ANSWER_SECONDS = 4  # for a connection, and for a first word
+SETTINGS = b"\0\0\0\4\0\0\0\0\0"  # a frame without any (RFC 9113)
+GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + SETTINGS
 CHECK_SECONDS = 120.0  # for a node to say what it has
 
 Report = Callable[[int], None]  # takes how many steps are done
@@ -77,6 +80,7 @@ class Crew(Protocol):
 
 def asked(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """The command line, with `workers`: SERIAL for --serial, None for what workers.count gives."""
+    asked_for()  # a slip of the user's, before hours of work
     parser.epilog = "\n\n".join(part for part in (parser.epilog, "The bytes are the same with any workers.") if part)
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--serial", action="store_const", const=SERIAL, dest="workers", help="here, without Ray")
@@ -309,12 +313,12 @@ def _ray(begin: Callable[[], None]) -> Iterator[None]:
 
 def _start(workers: int | None) -> None:
     """A Ray for this process, on loopback (see stages/__init__.py), without dashboard."""
-    place = str(folder.found())
+    cpus, place = workers or count(), str(folder.found())
     for left in reversed(range(STARTS)):
         try:
             ray.init(
                 address="local",
-                num_cpus=workers or count(),
+                num_cpus=cpus,
                 include_dashboard=False,
                 log_to_driver=False,
                 logging_level=logging.ERROR,
@@ -330,16 +334,27 @@ def _start(workers: int | None) -> None:
 
 
 def _unanswered(address: str) -> str:
-    """Why no Ray answers there, in words; empty if one does. Ray itself would ask for a quarter of an hour."""
-    command = [sys.executable, "-m", "ray.scripts.scripts", "health-check", "--address", address]
+    """Why no Ray answers there, in words; empty if one does. Ray itself would ask for a quarter of an hour.
+
+    Ray's servers speak HTTP/2, in which each side begins by its settings. With TLS, nothing is asked.
+    """
+    if os.environ.get("RAY_USE_TLS", "0") not in ("", "0"):
+        return ""
     try:
-        done = subprocess.run(
-            command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=ANSWER_SECONDS
-        )
-    except subprocess.TimeoutExpired:
-        return f"no Ray answered within {ANSWER_SECONDS} s"
-    said = (done.stdout + done.stderr).strip().splitlines()
-    return "" if done.returncode == 0 else (said or ["no Ray answers"])[-1]
+        where = services.canonicalize_bootstrap_address(address) if address == "auto" else address
+        host, colon, port = (where or "").rpartition(":")
+        if not colon or not port.isdecimal():
+            return "it must be HOST:PORT, or auto"
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_SECONDS) as link:
+            link.sendall(GREETING)
+            said = b""
+            while len(said) < len(SETTINGS) and (more := link.recv(len(SETTINGS) - len(said))):
+                said += more
+    except TimeoutError:
+        return f"no answer within {ANSWER_SECONDS} s"
+    except (OSError, OverflowError, ConnectionError) as fault:
+        return str(fault)
+    return "" if said[3:4] == SETTINGS[3:4] else "what answers there is no Ray"
 
 
 def _join(address: str) -> None:

@@ -41,7 +41,7 @@ def test_success_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_fault_is_one_sentence(kind: type[Fault], capsys: pytest.CaptureFixture[str]) -> None:
     assert raising(kind("The cup is empty; fill it.")) == 1
     assert capsys.readouterr() == ("", "The cup is empty; fill it.\n")
-    assert not paths.log().exists()
+    assert paths.log().read_text() == f"{Path.cwd()}: The cup is empty; fill it.\n"
 
 
 def test_the_unknown_is_a_sentence_and_a_traceback_in_the_log(capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,7 +50,7 @@ def test_the_unknown_is_a_sentence_and_a_traceback_in_the_log(capsys: pytest.Cap
     assert not out
     assert err == f"ZeroDivisionError: cut in no parts (see {paths.log()})\n"
     log = paths.log().read_text()
-    assert log.startswith("Traceback")
+    assert log.startswith(f"{Path.cwd()}: Traceback")
     assert "in work" in log
     assert log.endswith("ZeroDivisionError: cut in no parts\n")
 

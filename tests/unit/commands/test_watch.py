@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -20,12 +21,11 @@ def _away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 WORK = """
 import sys
-from stages.base import console
-with console.Progress("Runs", 350, "agent steps") as progress:
-    progress.update(0)
+from stages.base import console, watched
+with watched.at_work(), console.Progress("Runs", 350, "agent steps") as progress:
     print("begun", flush=True)
     for line in sys.stdin:
-        progress._told._last = -9.0  # a second has passed
+        watched._last[0] = -9.0  # a second has passed
         progress.update(35, "1/4 runs done, 2 in flight")
         print("said", flush=True)
 """
@@ -53,10 +53,27 @@ def test_another_process_says_how_far_it_is_until_it_ends(capsys: pytest.Capture
     assert not list(paths.progress().glob("*.json"))
 
 
-def test_who_ends_says_no_more(capsys: pytest.CaptureFixture[str]) -> None:
-    with console.Progress("Frames", 10, "agent steps") as progress:
-        progress.update(3)
-        assert len(list(watched.words())) == 1
+def test_a_stage_without_a_bar_is_at_work_too_and_says_no_more_when_it_ends() -> None:
+    seen: list[str] = []
+
+    def work() -> None:
+        seen.extend(word.text for word in watched.words())
+        with console.Progress("Frames", 10, "agent steps") as progress:
+            progress.update(3)
+        seen.extend(word.text for word in watched.words())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(console, "STARTER", None)
+        assert console.main(work) == 0
+    assert seen == ["at work", "at work"]
+    assert not list(watched.words())
+
+
+def test_of_a_process_whose_number_another_has_nothing_is_said() -> None:
+    word = {"stage": "train", "folder": "/x", "text": "Runs", "at": 5.0, "node": platform.node(), "pid": os.getpid()}
+    paths.progress().mkdir(parents=True)
+    (paths.progress() / "reused.json").write_text(json.dumps(word))
+    (paths.progress() / "old.json").write_text(json.dumps(word | {"node": "gone"}))
     assert not list(watched.words())
 
 
@@ -76,5 +93,5 @@ def test_the_last_fault_is_shown() -> None:
 
 def test_a_store_that_takes_no_file_stops_no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MIMO_STORE", "/proc/1/none")
-    with console.Progress("Frames", 10, "agent steps") as progress:
+    with watched.at_work(), console.Progress("Frames", 10, "agent steps") as progress:
         progress.update(3)

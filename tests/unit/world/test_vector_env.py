@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from mimo.settings.files import ParamsError
 from mimo.world.env import MIMoMobileEnv
 from mimo.world.vector_env import MIMoMobileVectorEnv
 
@@ -70,6 +71,9 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^options must be empty; there is reset_mask\.$"):
         envs.reset(options={"reset_mask": np.ones(N, bool)})
     envs.reset()
-    with pytest.raises(ValueError, match="broadcast"):
-        envs.step(np.zeros((N + 1, 12), bool))
+    for actions in (np.zeros((N + 1, 12)), np.ones(12), np.full((N, 12), 2), np.full((N, 12), 0.5)):
+        with pytest.raises(ValueError, match=r"^An action is 12 numbers 0 or 1 for each world, \(3, 12\); it is array"):
+            envs.step(actions)
+    with pytest.raises(ParamsError, match=r"^threads must be at least 1; it is 0\.$"):
+        MIMoMobileVectorEnv(N, 0, **SHORT)
     envs.close()

@@ -50,7 +50,7 @@ def test_nodes_that_come_and_go_cost_no_byte(pipeline: Pipeline, hosts: tuple[Ho
     stranger = pipeline.start(
         workers=False, within=first.within, also=cluster.environment(RAY_AUTH_MODE="disabled", RAY_ADDRESS=where)
     )
-    sentence = rf"(?m)^The cluster at RAY_ADDRESS={where} cannot be joined \(.*\)\. Start it, or mend the address\.$"
+    sentence = rf"(?m)^The cluster at RAY_ADDRESS={where} cannot be joined \(.*\)\.$"
     assert pipeline.stopped(stranger, sentence, kept) == kept
 
     repro = pipeline.start(workers=False, within=first.within, also=shell | {"RAY_ADDRESS": where})

@@ -84,7 +84,7 @@ def test_after_a_partial_pull_the_advice_costs_the_runs_alone(clone: Path) -> No
     advice = "dvc repro --single-item --force train runs"
     assert (
         "The store lacks 1 of 1 runs of data/manifests/free-mtl.json; get them by `make fetch` or `dvc repro --pull "
-        f"dvc.yaml`, or compute what is missing of them, and nothing else, by `{advice}`."
+        f"dvc.yaml`, or compute them, and nothing else that is missing, by `{advice}`."
     ) in failed.stderr
     assert ran(done(clone, *advice.split())) == {"train", *(f"runs@{cell}" for cell in CELLS)}
     assert len(list((clone / paths.RUNS).rglob("*.h5"))) == 4

@@ -133,5 +133,5 @@ def test_a_cluster_as_ray_starts_it_is_joined(by: str, tmp_path_factory: pytest.
             head.terminate()
             head.wait()
             psutil.wait_procs(below, 20)
-            if head.stdout:
-                head.stdout.close()
+            assert head.stdout is not None
+            head.stdout.close()

@@ -18,6 +18,7 @@ from mimo.learning.rewards import REWARDS
 from mimo.record import streams
 from mimo.settings import params
 from mimo.vision import encoder, extractor
+from mimo.vision.collect import REGIMES
 from mimo.world import scene
 from mimo.world.physics import Worlds
 
@@ -96,7 +97,7 @@ def untrained(settings: params.Encoder) -> extractor.Trained:
     """A U-Net as initialised, whose h is left as it is."""
     weights = {name: value.numpy() for name, value in encoder.UNet(settings).state_dict().items()}
     zeros, ones = np.zeros(settings.latent, np.float32), np.ones(settings.latent, np.float32)
-    quantiles = np.zeros((settings.latent, len(extractor.LEVELS)), np.float32)
+    quantiles = np.zeros((len(REGIMES), settings.latent, len(extractor.LEVELS)), np.float32)
     return extractor.Trained(weights, zeros, ones, quantiles, zeros, zeros)
 
 

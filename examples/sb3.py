@@ -45,6 +45,7 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         reward: a reward's name, or several joined by "_".
         trained: the encoder.
         scales: by reward name, the SD by which it is divided.
+        condition: of `env`.
 
     Raises:
         UnknownRewardError: a part is no reward's name.
@@ -57,10 +58,11 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         reward: str,
         trained: Trained,
         scales: Mapping[str, float],
+        condition: Condition,
     ) -> None:
         super().__init__(env)
         seen: Any = env.observation_space
-        self._settings, self._trained = settings, trained
+        self._settings, self._trained, self._condition = settings, trained, condition
         self._extract, self._needs_outcomes = Extractor(settings.encoder, trained), rewards.needs_outcomes(reward)
         self._parts = [(settings.rewards.gain / scales[p.name], p) for p in rewards.parts(reward, settings.rewards)]
         latent = spaces.Box(-np.inf, np.inf, (settings.encoder.latent,), np.float32)
@@ -72,7 +74,9 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         """A new experiment, with new outcome models."""
         seen, info = self.env.reset(seed=seed, options=options)
         # A stream of its own: the mobile's noise is the same with every reward.
-        outcomes = untaught(self._settings, self._trained, self.np_random.spawn(1)) if self._needs_outcomes else None
+        outcomes = None
+        if self._needs_outcomes:
+            outcomes = untaught(self._settings, self._trained, self._condition, self.np_random.spawn(1))
         self._perception = Perception(self._extract, seen["vision"][None], outcomes)
         return self._observation(seen), info
 
@@ -120,7 +124,8 @@ def environment(settings: Params, condition: Condition, reward: str) -> Intrinsi
     trained = extractor.load(artifact.read("data/encoder.h5", extractor.SCHEMA))
     scales = artifact.read("data/scales.h5", "scale")
     env = MIMoMobileEnv(condition, settings.protocol.limb, settings=settings)
-    return Intrinsic(env, settings, reward, trained, {name: float(scales[name]) for name in reward.split("_")})
+    own = {name: float(scales[name]) for name in reward.split("_")}
+    return Intrinsic(env, settings, reward, trained, own, condition)
 
 
 def moving(model: PPO, env: Intrinsic) -> np.ndarray:

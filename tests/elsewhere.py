@@ -29,7 +29,7 @@ def main(pairs: int, iterations: int, steps: int) -> None:
         print(library, runtime._computed(library), flush=True)
     frames = np.random.default_rng(0).integers(0, 256, (pairs, 2, 128, 128, 3), np.uint8)
     few = params.checked(p.encoder, {"pairs": pairs, "iterations": iterations})
-    trained = encoder.train(few, frames, np.random.default_rng(1))
+    trained = encoder.train(few, frames[None], np.random.default_rng(1))
     print("training", digest(trained.weights.values()), flush=True)
     print("inference", digest([Extractor(few, trained)(frames[:, 0]), trained.quantiles]), flush=True)
     scales = {"mtl": 0.1, "rtl": 0.1, "cais": 0.1, "surprise": 1.0}

@@ -98,6 +98,7 @@ class Agent(Section):
     gamma: Annotated[float, Field(ge=0, lt=1)]
     temperature: Factor
     move_bias: float
+    bias_in_target: bool
 
     @model_validator(mode="after")
     def _explores(self) -> "Agent":
@@ -114,7 +115,10 @@ class Outcomes(Section):
     kappa: Factor
     learning_rate: Rate
     batch: Annotated[int, Field(gt=0, le=64)]
+    batches: Literal["own", "shared"]
     memory: Annotated[int, Field(gt=0, le=20_000)]
+    marginal: Literal["table", "policy"]
+    start: Literal["detached", "zero"]
 
 
 class Calibrate(Section):

@@ -66,16 +66,17 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
     limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
     step = 1 + int(limb.argmax())  # the first has no frame before it
     trained = extractor.load(held)
-    outcomes = untaught(p, trained, [streams.generator(p.seed, CONDITION, 0, "memory")])
+    outcomes = untaught(p, trained, CONDITION, [streams.generator(p.seed, CONDITION, 0, "memory")])
     perception = Perception(extractor.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
+    resting = np.full((1, len(body.ACTUATED)), collect.resting_probability(p.agent), np.float32)
     for world, end in ends:
-        perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:])
+        perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:], resting)
     conditional, marginal = outcomes.conditional[0].copy(), outcomes.marginal[0].copy()
     path = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1])
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)
-    transition = perception.transition(moved[:1, step], length, own[0, step, 1:])
+    transition = perception.transition(moved[:1, step], length, own[0, step, 1:], resting)
     return Example(
         step=step,
         learned=len(ends),

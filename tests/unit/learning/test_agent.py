@@ -19,7 +19,9 @@ from mimo.settings import params
 from tests.unit.learning.twins import policy, q_network, td_loss
 
 INPUTS, HIDDEN, JOINTS = 111, 64, 12
-SETTINGS = params.Agent(hidden=HIDDEN, learning_rate=0.001, gamma=0.1, temperature=0.3, move_bias=-0.2)
+SETTINGS = params.Agent(
+    hidden=HIDDEN, learning_rate=0.001, gamma=0.1, temperature=0.3, move_bias=-0.2, bias_in_target=False
+)
 Q = st.floats(-5, 5, width=32)
 
 

@@ -139,7 +139,7 @@ def test_a_run_is_what_a_plain_loop_makes_of_its_actions(
     built = scene.build(tiny.world, tiny.protocol)
     worlds = Worlds(built, tiny.protocol, {"free": 0.0, "noisy": 40.0}[condition], [draw("noise")])
     extract = Extractor(tiny.encoder, trained)
-    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained), [draw("memory")])
+    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained, "noisy"), [draw("memory")])
     agents = Agents(tiny.agent, 47 + 64, [draw("weights")])
     with Eye(built) as eye:
         h = extract(eye.frames(worlds.qpos))

@@ -17,8 +17,15 @@ from tests.unit.learning.twins import huber, quantile_loss
 JOINTS, LATENT, QUANTILES = 12, 64, 49
 
 
-def settings(**changes: float) -> params.Outcomes:
-    defaults = {"quantiles": QUANTILES, "kappa": 1.0, "learning_rate": 0.001, "batch": 8, "memory": 500}
+def settings(**changes: float | str) -> params.Outcomes:
+    defaults: dict[str, float | str] = {
+        "quantiles": QUANTILES,
+        "kappa": 1.0,
+        "learning_rate": 0.001,
+        "batch": 8,
+        "memory": 500,
+    }
+    defaults |= {"batches": "own", "marginal": "table", "start": "detached"}
     return params.Outcomes.model_validate(defaults | changes)
 
 
@@ -73,14 +80,16 @@ def test_influence_and_expectation_against_scipy() -> None:
     quantiles=st.integers(1, 60),
     memory=st.integers(1, 9),
     batch=st.integers(1, 9),
+    batches=st.sampled_from(["own", "shared"]),
 )
-@example(kappa=1.0, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8)
-@example(kappa=0.1, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8)
-@examples(max_examples=12, deadline=None)
+@example(kappa=1.0, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="own")
+@example(kappa=0.1, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="shared")
+@examples(max_examples=16, deadline=None)
 def test_updates_follow_autograd_and_torchs_adamw(
-    kappa: float, latent: int, quantiles: int, memory: int, batch: int
+    kappa: float, latent: int, quantiles: int, memory: int, batch: int, batches: str
 ) -> None:
-    chosen = settings(kappa=kappa, memory=memory, quantiles=quantiles, batch=batch)
+    """A table's own batch is as the docstring of `update` says, drawn here table by table."""
+    chosen = settings(kappa=kappa, memory=memory, quantiles=quantiles, batch=batch, batches=batches)
     start = initial(latent, quantiles)
     outcomes, twin, world = Outcomes(chosen, start, [np.random.default_rng(3)]), *map(np.random.default_rng, (3, 4))
     conditional = torch.from_numpy(start).double().repeat(JOINTS, 2, 1, 1).requires_grad_()
@@ -95,11 +104,24 @@ def test_updates_follow_autograd_and_torchs_adamw(
         else:
             remembered[step % memory] = (action, h)  # the oldest makes room
         loss = torch.zeros((), dtype=torch.float64)
-        for place in twin.integers(0, len(remembered), batch):
-            taken, after = remembered[place]
-            tables = conditional[torch.arange(JOINTS), torch.from_numpy(taken).long()]
-            y = torch.from_numpy(after).double()[:, None]
-            for q in (tables, marginal):
+        everything = [*conditional.flatten(0, 1), marginal]
+        learns = [(joint, move) for joint in range(JOINTS) for move in (0, 1)]
+        if batches == "own":
+            chance = twin.random((MARGINAL + 1, batch))
+        else:
+            common = twin.integers(0, len(remembered), batch)
+        for row, q in enumerate(everything):
+            fits = [
+                place
+                for place, (taken, _) in enumerate(remembered)
+                if row == MARGINAL or taken[learns[row][0]] == learns[row][1]
+            ]
+            if batches == "own":
+                drawn = [fits[int(c * len(fits))] for c in chance[row]] if fits else []
+            else:
+                drawn = [place for place in common if place in fits]
+            for place in drawn:
+                y = torch.from_numpy(remembered[place][1]).double()[:, None]
                 loss = loss + quantile_loss(y, q, tau, kappa).sum() / batch
         optimizer.zero_grad()
         loss.backward()
@@ -111,6 +133,45 @@ def test_updates_follow_autograd_and_torchs_adamw(
         optimizer.step()
     np.testing.assert_allclose(outcomes.conditional[0], conditional.detach(), atol=2e-5)
     np.testing.assert_allclose(outcomes.marginal[0], marginal.detach(), atol=2e-5)
+
+
+def test_with_the_policys_mixture_influence_is_w1_to_a_weighted_sample() -> None:
+    outcomes, generator = (
+        Outcomes(settings(marginal="policy"), initial(), [np.random.default_rng(0)]),
+        np.random.default_rng(1),
+    )
+    outcomes.conditional[:] = np.sort(generator.normal(size=outcomes.conditional.shape))
+    probability = generator.random((1, JOINTS)).astype(np.float32)
+    influence = outcomes.influence(probability)
+    for joint, action in ((0, 0), (3, 1), (11, 0)):
+        both = outcomes.conditional[0, joint]
+        p = float(probability[0, joint])
+        expected = np.mean(
+            [
+                stats.wasserstein_distance(
+                    both[action, d], both[:, d].ravel(), v_weights=np.repeat([(1 - p), p], QUANTILES) / QUANTILES
+                )
+                for d in range(LATENT)
+            ]
+        )
+        np.testing.assert_allclose(influence[0, joint, action], expected, rtol=1e-4)
+    with pytest.raises(
+        ValueError, match=r"^With outcomes\.marginal `policy`, influence needs P\(MOVE\); there is none\.$"
+    ):
+        outcomes.influence()
+
+
+def test_all_tables_move_at_one_pace_with_batches_of_their_own() -> None:
+    """After a shift of h in which no action has a part; with one batch for all, p(h) runs ahead."""
+    apart = {}
+    for batches in ("own", "shared"):
+        outcomes = Outcomes(settings(batches=batches, memory=200), initial(), [np.random.default_rng(0)])
+        world = np.random.default_rng(1)
+        for step in range(300):
+            h = world.normal(size=(1, LATENT)) * 0.3 + (0 if step < 150 else 1)
+            outcomes.update(world.random((1, JOINTS)) < 0.3, h.astype(np.float32))
+        apart[batches] = outcomes.influence()[0, :, 1].mean()
+    assert apart["own"] < 0.5 * apart["shared"]
 
 
 @pytest.mark.parametrize("kappa", [0.01, 50.0])

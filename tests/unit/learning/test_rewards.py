@@ -46,7 +46,8 @@ def transition() -> Transition:
     expectation = after[:, None].repeat(JOINTS, axis=1)
     expectation[0, 3, 63] -= 5.0
     expectation[1, 11, :9] += 2.0
-    return Transition(np.array([0.25, 2.0], np.float32), before, after, action, influence, expectation)
+    latents = np.stack([before, after], axis=1)
+    return Transition(np.array([0.25, 2.0], np.float32), latents, action, influence, expectation)
 
 
 def same(found: np.ndarray, expected: Any) -> bool:
@@ -90,7 +91,7 @@ def test_surprise_may_pay_move_alone() -> None:
 @pytest.mark.parametrize("name", ["cais", "surprise"])
 def test_a_reward_that_needs_outcomes_refuses_a_transition_without(name: str) -> None:
     whole = transition()
-    bare = Transition(whole.path_length, whole.latent_before, whole.latent, whole.action)
+    bare = Transition(whole.path_length, whole.latents, whole.action)
     with pytest.raises(AssertionError, match="needs the"):
         made(name)(bare)
 

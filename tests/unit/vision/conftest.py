@@ -23,7 +23,7 @@ def _as_it_was() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def few(pairs: np.ndarray) -> np.ndarray:
     """Six pairs, of all regimes."""
-    return np.ascontiguousarray(pairs[4::7])
+    return np.ascontiguousarray(pairs.reshape(-1, *pairs.shape[2:])[4::7])
 
 
 @pytest.fixture(scope="session")

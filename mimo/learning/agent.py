@@ -109,10 +109,10 @@ class Agents:
         """
         if not self._asked:
             raise RuntimeError("Ask for the values of the state that the action was taken in before each update.")
-        self._asked = False
         joints = (len(self.networks), JOINTS)
         action, reward = checked("action", action, joints, bool), checked("reward", reward, joints, np.float32)
         next_state = checked("next_state", next_state, (len(self.networks), self._inputs), np.float32)
+        self._asked = False
         self._updates += 1
         errors = np.empty(action.shape, np.float32)
         for seed, (net, gradient) in enumerate(zip(self.networks, self.gradients, strict=True)):

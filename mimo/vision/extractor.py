@@ -47,7 +47,9 @@ class Extractor:
         runtime.check("numpy")
         kernels.check()
         self._layers = inference.layers(trained.weights)
-        self._mean, self._gain = trained.mean, np.float32(settings.latent_sd) / trained.sd
+        shape = (settings.latent,)
+        self._mean, sd = (kernels.checked(name, getattr(trained, name), shape, np.float32) for name in ("mean", "sd"))
+        self._gain = np.float32(settings.latent_sd) / sd
 
     def __call__(self, frames: np.ndarray) -> np.ndarray:
         """(N, 128, 128, 3) uint8 frames to h (N, latent) float32.

@@ -13,6 +13,7 @@ from mujoco import batch
 from mimo.settings.errors import Fault
 from mimo.settings.params import Protocol
 from mimo.world import body
+from mimo.world.protocol import JOINTS
 from mimo.world.scene import Scene
 
 
@@ -125,6 +126,9 @@ class Worlds:
 
     def _control(self, moved: np.ndarray, positive: np.ndarray) -> np.ndarray:
         """(N, updates_per_step, columns) inputs of one agent step: torques, and the noise of every update."""
+        for name, given in (("moved", moved), ("positive", positive)):
+            if given.shape != (self.size, JOINTS):
+                raise ValueError(f"{name} must be {(self.size, JOINTS)}, a joint of each world; it is {given.shape}.")
         protocol = self._protocol
         lowest, highest = self.scene.model.actuator_ctrlrange.T
         torque = np.where(moved, np.where(positive, highest, lowest), 0.0)

@@ -8,8 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
-from mimo.world.protocol import MOVE, PHASES
+from mimo.world.protocol import MOVE, NO_TORQUE, PHASES
 
 GROUPS = ("attached", "others")
 ACRONYMS = ("mtl", "rtl", "cais")
@@ -17,6 +18,8 @@ ACRONYMS = ("mtl", "rtl", "cais")
 TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")
 LATE = 300  # steps: what counts as early and as late in a phase
 MINUTE = 100  # steps of 0.6 s
+LOCKED = 0.02  # P(MOVE) of a joint that is all but certain to rest, or within so much of 1, to move
+LEARNED, MINUTES, OF = 1.5, 2, 3  # times the baseline's rate, in two of any three consecutive minutes: see `learned`
 
 Array = np.ndarray
 
@@ -30,9 +33,9 @@ def phases(baseline: int, attached: int, extinction: int) -> dict[str, slice]:
 def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
     """The stretches of steps over which tables and claims take means.
 
-    The attached phase, and `baseline`, are whole phases. Late is a phase's last LATE steps, early acquisition the first
-    LATE. Start and end are a phase's first and last MINUTE steps; extinction's start is its early part, where a burst
-    would be. Of a short phase, half.
+    `baseline`, `attached` and `extinction` are whole phases. Late is a phase's last LATE steps, early acquisition the
+    first LATE. Start and end are a phase's first and last MINUTE steps; extinction's start is its early part, where a
+    burst would be. Of a short phase, half.
     """
     baseline, attached, extinction = (phases[name] for name in PHASES)
     return {
@@ -44,6 +47,7 @@ def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
         "acquisition_early": _first(attached, LATE),
         "acquisition_late": _last(attached, LATE),
         "acquisition_end": _last(attached, MINUTE),
+        "extinction": extinction,
         "extinction_early": _first(extinction, MINUTE),
         "extinction_late": _last(extinction, LATE),
     }
@@ -66,28 +70,33 @@ def _share(phase: slice, steps: int) -> int:
     return max(1, min(steps, int(phase.stop - phase.start) // 2))
 
 
-def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: str) -> dict[str, Array]:
+def curves(
+    record: Mapping[str, Array], limbs: Mapping[str, Array], attached: str, temperature: float
+) -> dict[str, Array]:
     """What becomes of one run, step by step.
 
     Args:
         record: a run's arrays by name, as mimo.learning.experiment records them.
         limbs: (12,) bool by limb's name: its joints.
         attached: name of the limb that the rope holds.
+        temperature: of the policy, paper eq. policy. Values of Q are given in temperatures: one more for MOVE is one
+            more of P(MOVE)'s log odds, whatever the rewards' gain.
 
     Returns:
-        (step,) float32 by name. `reward`, `q_move`, `q_advantage` (Q(MOVE) - Q(NO_TORQUE)), `move_probability`, each
+        (step,) float32 by name. `reward`, `q_move` and `q_rest` (Q of MOVE and NO_TORQUE), `move_probability`, each
         `part/<reward>` in its own units and, where it was recorded, `influence` (of MOVE) end in `/attached` or
-        `/others`, a mean over joints; `reward/all` is the mean over all twelve. `limb/<name>` is P(MOVE) of each limb.
-        `path_length` (m) and `latent_length` (h) are the mobile's and the latent's; `displacement` (m) is the mobile's
-        straight way from the end of one step to that of the next (0 at the first).
+        `/others`, a mean over joints; `reward/all` is the mean over all twelve. `limb/<name>` is P(MOVE) of each limb,
+        `moved/<name>` the share of its joints that moved. `locked` is the share of all joints whose P(MOVE) is within
+        LOCKED of 0 or 1. `path_length` (m) and `latent_length` (h) are the mobile's and the latent's; `displacement`
+        (m) is the mobile's straight way from the end of one step to that of the next (0 at the first).
     """
     joints = {"attached": limbs[attached], "others": ~limbs[attached]}
-    q = record["q"]
+    q, p = record["q"] / temperature, record["move_probability"]
     grouped = {
         "reward": record["reward"],
         "q_move": q[..., MOVE],
-        "q_advantage": q[..., MOVE] - q[..., 1 - MOVE],
-        "move_probability": record["move_probability"],
+        "q_rest": q[..., NO_TORQUE],
+        "move_probability": p,
     }
     grouped |= {name: values for name, values in record.items() if name == "influence" or name.startswith("part/")}
     made = {
@@ -96,8 +105,10 @@ def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: st
         for group, mask in joints.items()
     }
     made["reward/all"] = record["reward"].mean(axis=1, dtype=np.float64)
+    made["locked"] = (np.abs(p - 0.5) > 0.5 - LOCKED).mean(axis=1)
     for limb, mask in limbs.items():
-        made[f"limb/{limb}"] = record["move_probability"][:, mask].mean(axis=1, dtype=np.float64)
+        made[f"limb/{limb}"] = p[:, mask].mean(axis=1, dtype=np.float64)
+        made[f"moved/{limb}"] = record["action"][:, mask].mean(axis=1, dtype=np.float64)
     made |= {name: record[name] for name in ("path_length", "latent_length")}
     ends = record["centre_of_mass"].astype(np.float64)
     made["displacement"] = np.linalg.norm(np.diff(ends, axis=0, prepend=ends[:1]), axis=1)
@@ -153,6 +164,33 @@ def most_active(move_probability: Mapping[str, Array], attached: str) -> Array:
     )
 
 
+def learned(moved: Array, windows: Mapping[str, slice]) -> Array:
+    """(seed,) bool: whether a limb meets the criterion by which infants are judged in the mobile paradigm.
+
+    That is a rate of at least LEARNED times that of the baseline, in MINUTES of any OF consecutive minutes of the
+    attached phase (Rovee-Collier, Sullivan, Enright, Lucas & Fagen 1980, Science 208:1159).
+
+    Args:
+        moved: (seed, step), the share of the limb's joints that moved.
+        windows: of the phases; `baseline` and `attached` are read.
+    """
+    rate, phase = moved[:, windows["baseline"]].mean(axis=1), moved[:, windows["attached"]]
+    minutes = phase[:, : phase.shape[1] // MINUTE * MINUTE].reshape(len(phase), -1, MINUTE).mean(axis=2)
+    met = minutes >= LEARNED * rate[:, None]
+    if met.shape[1] < OF:
+        return np.zeros(len(met), bool)
+    return np.asarray((np.lib.stride_tricks.sliding_window_view(met, OF, axis=1).sum(axis=2) >= MINUTES).any(axis=1))
+
+
+def two_kinds(values: Array) -> bool:
+    """Whether one mean hides two kinds of seeds, by Sarle's bimodality coefficient: above 5/9, that of even spread."""
+    count, spread = len(values), np.std(values)
+    if count < 4 or not spread > 0:
+        return False
+    skewed, peaked = stats.skew(values, bias=False), stats.kurtosis(values, bias=False)
+    return bool((skewed**2 + 1) / (peaked + 3 * (count - 1) ** 2 / ((count - 2) * (count - 3))) > 5 / 9)
+
+
 def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: str) -> dict[str, Any]:
     """The numbers of one condition and reward.
 
@@ -165,6 +203,8 @@ def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: s
         `reward`, `move_probability` and, where recorded, `influence`: for each window the mean and SD over seeds of the
         attached limb, of the others and of their difference. `rise`: what P(MOVE)'s difference gained from baseline to
         late acquisition. `most_active`: in how many of the `seeds` the attached limb moved most in late acquisition.
+        `locked`: for each window the mean share of locked joints. `learned`: the share of seeds in which the attached
+        limb met the criterion of `learned`, and the mean share for the other limbs.
     """
     over = {name: values.astype(np.float64) for name, values in stacked.items()}
     found: dict[str, Any] = {}
@@ -184,6 +224,14 @@ def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: s
         name.removeprefix("limb/"): p[:, late].mean(axis=1) for name, p in over.items() if name.startswith("limb/")
     }
     found["most_active"] = int(most_active(limbs, attached).sum())
+    found["locked"] = {name: float(over["locked"][:, windows[name]].mean()) for name in TABLED}
+    met = {
+        name.removeprefix("moved/"): float(learned(moved, windows).mean())
+        for name, moved in over.items()
+        if name.startswith("moved/")
+    }
+    own = met.pop(attached)
+    found["learned"] = {"attached": own, "others": float(np.mean(list(met.values())))}
     found["seeds"] = len(difference)
     return found
 

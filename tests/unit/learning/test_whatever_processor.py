@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,8 @@ print(hashed())
 def hashed() -> str:
     """Of all that both give over 20 updates of two seeds."""
     made = hashlib.sha256()
-    for history in (test_agent.history, test_outcomes.history):
+    others = partial(test_outcomes.history, **test_outcomes.OTHER)
+    for history in (test_agent.history, test_outcomes.history, others):
         for seen in history([0, 1], 20).values():
             made.update(seen)
     return made.hexdigest()

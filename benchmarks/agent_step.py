@@ -64,7 +64,8 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
         return advance(control, attached)
 
     worlds._advance = keep  # type: ignore[method-assign]
-    time_calls(spent, "physics", worlds, "step")
+    for name in ("_control", "_advance"):
+        time_calls(spent, "physics", worlds, name)
     time_calls(spent, "eye", run.eye, "frames")
     for name in ("values", "move_probability", "update"):
         time_calls(spent, "learning", run.agents, name)

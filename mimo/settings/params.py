@@ -198,6 +198,9 @@ class Params(Section):
             raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
         if not 0 < round(self.collect.steps * (1 - self.collect.held_out)) < self.collect.steps:
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
+        for name, kind in REWARDS.items():
+            if kind.Constants and kind(getattr(self.rewards, name)).frames > self.protocol.updates_per_step:
+                raise ValueError(f"rewards.{name} must need no more pictures of a step than protocol.updates_per_step")
         reward, _, seed = self.film.run.partition("/seed-")
         if reward not in self.sweep.rewards or int(seed) >= self.sweep.seeds:
             raise ValueError(f"film.run must be one of the runs of sweep; it is {shown(self.film.run)}")

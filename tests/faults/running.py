@@ -52,7 +52,7 @@ def computing(trained: Trained, tiny: Params, pairs: np.ndarray) -> Iterator[Run
             small = tiny.encoder.model_copy(update={"latent_sd": own.latent_sd})
             return small, replace(trained, quantiles=trained.quantiles * ratio)
         brief = own.model_copy(update={"iterations": min(2, own.iterations)})
-        return own, train(brief, pairs[::5], np.random.default_rng(0))  # of all regimes
+        return own, train(brief, pairs[:, ::5], np.random.default_rng(0))  # of all regimes
 
     def compute(p: Params) -> None:
         if key(p) in done:

@@ -29,5 +29,7 @@ class RTL(Reward):
 
     def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
-        way = length(np.diff(t.latents, axis=1)).sum(axis=1)
+        pictures = t.latents.shape[1] - 1
+        assert pictures % self.frames == 0, f"RTL needs {self.frames} pictures of a step"
+        way = length(np.diff(t.latents[:, :: pictures // self.frames], axis=1)).sum(axis=1)
         return np.broadcast_to(way[:, None], t.action.shape)

@@ -27,11 +27,17 @@ def few(pairs: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
+def grouped(few: np.ndarray) -> np.ndarray:
+    """The same, as training takes them: two groups of three."""
+    return few.reshape(2, 3, *few.shape[1:])
+
+
+@pytest.fixture(scope="session")
 def brief(tiny: params.Params) -> params.Encoder:
     """All of `few` in every batch, so that losses can be compared."""
     return tiny.encoder.model_copy(update={"pairs": 6, "iterations": 6, "learning_rate": 0.003})
 
 
 @pytest.fixture(scope="session")
-def learned(brief: params.Encoder, few: np.ndarray) -> Trained:
-    return train(brief, few, np.random.default_rng(3))
+def learned(brief: params.Encoder, grouped: np.ndarray) -> Trained:
+    return train(brief, grouped, np.random.default_rng(3))

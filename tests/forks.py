@@ -102,6 +102,8 @@ def _serve(listener: socket.socket) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
+    # Anew, as the server's own may be files, which can be sought in, where these are pipes.
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", 1, "utf-8", closefd=False) for number in (1, 2))
     request = json.loads(data)
     os.chdir(request["folder"])
     os.environ.clear()

@@ -102,6 +102,9 @@ def _serve(listener: socket.socket) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
+    # Anew, as the server's own may be files, which can be sought in, where these are pipes; buffered as Python's are.
+    sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
+    sys.stderr = os.fdopen(2, "w", buffering=1, encoding="utf-8", closefd=False)
     request = json.loads(data)
     os.chdir(request["folder"])
     os.environ.clear()

@@ -116,8 +116,8 @@ def test_a_cluster_as_ray_starts_it_is_joined(by: str, tmp_path_factory: pytest.
             [*ray, "--node-ip-address=127.0.0.1", "--include-dashboard=false"], env=own,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
+        assert head.stdout is not None
         try:
-            assert head.stdout is not None
             said = ""
             while "Ray runtime started" not in said:
                 line = head.stdout.readline()
@@ -133,5 +133,4 @@ def test_a_cluster_as_ray_starts_it_is_joined(by: str, tmp_path_factory: pytest.
             head.terminate()
             head.wait()
             psutil.wait_procs(below, 20)
-            assert head.stdout is not None
             head.stdout.close()

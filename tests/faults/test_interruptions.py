@@ -44,8 +44,11 @@ def test_lost_workers_then_ctrl_c_then_terminated(pipeline: Pipeline) -> None:
     first = pipeline.start()
     kept = first.until_midway()
     first.workers()[0].kill()
+    driver = first.driver()
+    driver.suspend()  # so that the sweep surely outlives the second's attempt
     second = pipeline.start()
     assert second.end() != 0
+    driver.resume()
     assert re.search(rf"\(PID {first.pid}\): .*repro", second.said), second.said
     assert "Traceback" not in second.said
     unlimited = ""

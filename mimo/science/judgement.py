@@ -11,8 +11,8 @@ mean over seeds; its 95 % interval decides:
 
 A region that is the point 0 is a claim in words, "no discernible difference": it holds while the interval has 0 in it.
 
-A test whose region has 0 in it cannot fail where agents are saturated, since then their behaviour is not free to
-differ: it is `undecided`, and says `saturated`.
+A test that something does *not* happen is met by agents that are saturated, whose behaviour is not free to differ: it
+is then `undecided`, and says `saturated`.
 
 A claim has two verdicts: *as shown*, by the quantities of the paper's panels, and *as said*, by what its text says of
 behaviour. Each holds if all its tests do, and fails if any does.
@@ -56,6 +56,7 @@ class Test:
         low: the claim's region is low <= effect <= high; either end may be infinite, and both 0: "no difference".
         high: see low.
         measure: from curves and windows to the effect in each seed.
+        absent: whether the claim is that something does not happen.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Test:
     low: float
     high: float
     measure: Measure
+    absent: bool = False
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,7 @@ def evaluate(curves: Curves, windows: Windows, claims: Sequence[Claim]) -> list[
 def _tested(test: Test, curves: Curves, windows: Windows) -> dict[str, Any]:
     effects = np.asarray(test.measure(curves, windows), np.float64)
     locked = max(_locked(curves[cell], windows) for cell in test.cells)
-    saturated = locked >= SATURATED and test.low <= 0 <= test.high
+    saturated = test.absent and locked >= SATURATED
     bounds, p = None, 1.0
     if len(effects) > 1 and np.isfinite(effects).all():
         means = resampled(effects)

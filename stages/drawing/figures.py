@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from mimo.record import artifact
-from mimo.science import analysis
+from mimo.science import analysis, summary
 from mimo.settings import params
 from mimo.vision import collect, encoder, extractor
 from mimo.world import scene
@@ -135,7 +135,7 @@ def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Fig
         strips = _stack(figure, (x + 14, top - 10), 71, 51, len(rewards))
         for strip, reward in zip(strips, rewards, strict=True):
             _strip(strip, results, (condition, reward, curve), groups)
-            strip.text(0, 1.03, analysis.label(reward), transform=strip.transAxes)
+            strip.text(0, 1.03, summary.label(reward), transform=strip.transAxes)
         _name_phases(strips[0], phases_of(results), 11.5)
         note(ax, (x + 3, top - 35), AXES[curve], rotation=90)
         note(ax, (x + 14 + 71 / 2, top - 67.5), "agent step")
@@ -167,7 +167,7 @@ def _multiples(results: artifact.Artifact, curve: str) -> Figure:
         note(ax, (middle, 8.5), "agent step")
     for strip, reward in zip(grid[0], rewards, strict=True):
         middle = float(strip.get_position().intervaly.mean()) * (height + 29)
-        note(ax, (5, middle), analysis.label(reward).replace(" + ", "\n+ "), rotation=90)
+        note(ax, (5, middle), summary.label(reward).replace(" + ", "\n+ "), rotation=90)
     _legend(ax, "attached limb")
     return figure
 
@@ -199,10 +199,10 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
         ax.tick_params(left=False, labelleft=False)
         ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
         return
-    width = analysis.window(phases)
+    width = summary.window(phases)
     for group in groups:
-        smooth = analysis.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
-        mean, sd = analysis.mean_sd(smooth)
+        smooth = summary.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
+        mean, sd = summary.mean_sd(smooth)
         for phase in phases.values():
             # A third of the window apart nothing is lost, and the files stay small.
             shown = np.unique(np.append(np.arange(phase.start, phase.stop, max(1, width // 3)), phase.stop - 1))
@@ -219,7 +219,7 @@ def _name_phases(ax: Axes, phases: Mapping[str, slice], above: float) -> None:
 
 
 def _legend_text(results: artifact.Artifact) -> str:
-    seeds, width = int(results.about["seeds"]), analysis.window(phases_of(results))
+    seeds, width = int(results.about["seeds"]), summary.window(phases_of(results))
     many = "n = 1 seed" if seeds == 1 else f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds"
     return many if width == 1 else f"{many}; moving average over {width} steps"
 

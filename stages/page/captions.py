@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mimo.science import analysis
+from mimo.science import summary
 from mimo.settings.params import Params
 from stages.base import console, origin, paths
 from stages.base.numbers import number
@@ -195,7 +195,7 @@ def _film(path: Path) -> Film:
     heading = f"{path.name.capitalize()} mobile"
     told = origin.read(path.with_suffix(".json"))
     reward, _, seed = told["params"]["film"]["run"].partition("/seed-")
-    run = f"{analysis.label(reward)}, seed {int(seed)}"
+    run = f"{summary.label(reward)}, seed {int(seed)}"
     return Film(heading, run, _beside(path.with_suffix(".mp4")), _beside(path.with_suffix(".png")), told)
 
 

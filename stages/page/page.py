@@ -15,7 +15,7 @@ from typing import Any
 
 import jinja2
 
-from mimo.science import analysis
+from mimo.science import summary
 from mimo.settings import params
 from mimo.settings import studies as settings
 from mimo.world import body
@@ -151,7 +151,7 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"number": number, "spread": spread, "reward": analysis.label}
+    environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip)}
     environment.globals["strip_width"] = verdicts.WIDTH
@@ -202,7 +202,7 @@ def _explored(explore: dict[str, Any]) -> dict[str, Any]:
     conditions, rewards = (dict.fromkeys(name.split("/")[part] for name in explore["cells"]) for part in (0, 1))
     return explore | {
         "conditions": list(conditions),
-        "rewards": {reward: analysis.label(reward) for reward in rewards},
+        "rewards": {reward: summary.label(reward) for reward in rewards},
         "colours": {reward: COLOURS.get(reward, OTHER_COLOUR) for reward in rewards},
     }
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mimo.science import analysis
+from mimo.science import analysis, summary
 from mimo.world import body
 
 LIMBS = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
@@ -85,15 +85,15 @@ def test_windows_of_any_protocol_hold_a_step_and_stay_in_their_phase(baseline: i
 def test_smoothing_does_not_cross_a_phase_border():
     phases = analysis.phases(5, 2, 1)
     values = np.array([[0.0, 1, 2, 3, 4, 10, 20, 7]])
-    assert analysis.smooth(values, phases, 3).tolist() == [[0.5, 1, 2, 3, 3.5, 15, 15, 7]]
-    assert analysis.smooth(values, phases, 1).tolist() == values.tolist()
+    assert summary.smooth(values, phases, 3).tolist() == [[0.5, 1, 2, 3, 3.5, 15, 15, 7]]
+    assert summary.smooth(values, phases, 1).tolist() == values.tolist()
 
 
 @given(st.integers(1, 30), st.integers(1, 12), st.integers(0, 99))
 def test_smoothing_is_the_mean_of_the_steps_around(steps: int, width: int, seed: int):
     values = np.random.default_rng(seed).normal(size=(2, 3 * steps))
     phases = analysis.phases(steps, steps, steps)
-    found = analysis.smooth(values, phases, width)
+    found = summary.smooth(values, phases, width)
     for phase in phases.values():
         for step in range(phase.start, phase.stop):
             around = slice(max(phase.start, step - (width - 1) // 2), min(phase.stop, step + width // 2 + 1))
@@ -101,22 +101,22 @@ def test_smoothing_is_the_mean_of_the_steps_around(steps: int, width: int, seed:
 
 
 def test_blocks_do_not_cross_a_phase_border():
-    steps, means = analysis.blocks(np.array([[1.0, 2, 3, 4, 6, 9]]), analysis.phases(3, 2, 1), 2)
+    steps, means = summary.blocks(np.array([[1.0, 2, 3, 4, 6, 9]]), analysis.phases(3, 2, 1), 2)
     assert steps.tolist() == [1.5, 3, 4.5, 6]
     assert means.tolist() == [[1.5, 3, 5, 9]]
 
 
 def test_mean_and_sd_are_over_seeds():
-    mean, sd = analysis.mean_sd(np.array([[1.0, 5], [3, 5]]))
+    mean, sd = summary.mean_sd(np.array([[1.0, 5], [3, 5]]))
     assert mean.tolist() == [2, 5]
     assert sd.tolist() == pytest.approx([2**0.5, 0])
-    assert np.isnan(analysis.mean_sd(np.ones((1, 2)))[1]).all()
+    assert np.isnan(summary.mean_sd(np.ones((1, 2)))[1]).all()
 
 
 def test_a_tie_does_not_make_a_limb_the_most_active():
     p = {"left_foot": np.array([0.5, 0.5, 0.2]), "left_hand": np.array([0.4, 0.5, 0.3])}
-    assert analysis.most_active(p, "left_foot").tolist() == [True, False, False]
-    assert analysis.most_active(p, "left_hand").tolist() == [False, False, True]
+    assert summary.most_active(p, "left_foot").tolist() == [True, False, False]
+    assert summary.most_active(p, "left_hand").tolist() == [False, False, True]
 
 
 def test_a_cells_numbers():
@@ -126,7 +126,7 @@ def test_a_cells_numbers():
     stacked = {f"{curve}/{g}": v for curve in ("move_probability", "reward") for g, v in
                (("attached", attached), ("others", others))}  # fmt: skip
     stacked |= {"limb/left_foot": attached, "limb/right_foot": np.full((2, 8), 0.7)}
-    found = analysis.cell(stacked, windows, "left_foot")
+    found = summary.cell(stacked, windows, "left_foot")
     late = found["move_probability"]["acquisition_late"]
     assert late["attached"] == pytest.approx({"mean": 0.7, "sd": 0.02**0.5})
     assert late["others"] == pytest.approx({"mean": 0.3, "sd": 0.0}, abs=1e-9)
@@ -139,5 +139,5 @@ def test_a_cells_numbers():
 
 
 def test_names_as_the_paper_writes_them():
-    assert analysis.label("rtl_surprise") == "RTL + Surprise"
-    assert analysis.label("novelty") == "Novelty"
+    assert summary.label("rtl_surprise") == "RTL + Surprise"
+    assert summary.label("novelty") == "Novelty"

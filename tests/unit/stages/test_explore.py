@@ -45,7 +45,7 @@ def test_every_run_is_there_joint_by_joint_in_blocks_of_steps(project: Path) -> 
 
 
 def test_a_blocks_value_is_the_mean_of_its_steps(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mimo.science.analysis.window", lambda phases: 8)
+    monkeypatch.setattr("mimo.science.summary.window", lambda phases: 8)
     written = {}
     monkeypatch.setattr("stages.base.numbers.write", lambda made, path: written.update(made))
     explore.main()

@@ -1,0 +1,111 @@
+"""What was decided before the runs that judge it: reports/registered.json, and whether git's history bears it out.
+
+`make register` writes the file, which is committed alone. The claims stage calls its verdicts confirmatory only if what
+is here is what was registered, and if that commit is older than the first of the runs.
+"""
+
+import hashlib
+import json
+import subprocess
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from mimo.record import identity
+from mimo.settings.params import Params
+from stages.base import paths, provenance
+
+CLAIMS = tuple(Path(f"mimo/science/{name}.py") for name in ("analysis", "judgement", "claims"))
+UNJUDGED: Any = {"film": True, "sweep": {"chunk"}}  # of params.yaml: they change no number that a claim is judged by
+
+
+def registered(p: Params) -> dict[str, Any]:
+    """What there is to decide: the root seed, and digests of constants, claims and readings of the paper."""
+    readings = paths.READINGS.read_text(encoding="utf-8")  # whatever line ends git gave it
+    return {
+        "seed": p.seed,
+        "params": str(identity.Digest(p.model_dump(mode="json", exclude=UNJUDGED))),
+        "claims": {path.as_posix(): identity.syntax(path) for path in CLAIMS},
+        "readings": hashlib.sha256(readings.encode()).hexdigest(),
+    }
+
+
+def standing(p: Params, runs: Iterable[str]) -> dict[str, Any]:
+    """Whether verdicts on these runs, named by their digests, are confirmatory, and why.
+
+    Returns:
+        `confirmatory`, `seed`, and `at`, when the registration was committed, in UTC, or else `why` not, a clause. It
+        says the same wherever there is git's history.
+    """
+    commits = _commits()
+    why = _differs(p) or _unborne(p, commits, runs)
+    if why:
+        return {"confirmatory": False, "seed": p.seed, "why": why}
+    return {"confirmatory": True, "seed": p.seed, "at": _at(commits[0]).strftime("%Y-%m-%d %H:%M UTC")}
+
+
+def _differs(p: Params) -> str:
+    """How what is here is not what was registered; empty if it is."""
+    try:
+        held = json.loads(paths.REGISTERED.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return f"{paths.REGISTERED} cannot be read"
+    changed = [name for name, own in registered(p).items() if not isinstance(held, dict) or held.get(name) != own]
+    return f"not as registered: {', '.join(changed)}" if changed else ""
+
+
+def _unborne(p: Params, commits: Sequence[str], runs: Iterable[str]) -> str:
+    """Why git's history does not bear it out; empty if it does."""
+    if not commits:
+        return f"git's history has no {paths.REGISTERED} as it is here"
+    if any(_seed(commit) == p.seed for commit in commits[1:]):
+        return "the root seed had been registered before, with something else"
+    made = _first(runs)
+    if made is None:
+        return "when the runs were made is not known here"
+    return "a run was made before the registration was committed" if made <= _at(commits[0]) else ""
+
+
+def _commits() -> list[str]:
+    """Those that changed the file, the newest first; none if it differs from HEAD's, or git's history is lacking."""
+    file = paths.REGISTERED.as_posix()
+    if _git("diff", "--quiet", "HEAD", "--", file) is None or _git("rev-parse", "--is-shallow-repository") != "false":
+        return []
+    return (_git("log", "--format=%H", "--", file) or "").split()
+
+
+def _at(commit: str) -> datetime:
+    """When it was made."""
+    return datetime.fromisoformat(str(_git("show", "-s", "--format=%cI", commit))).astimezone(UTC)
+
+
+def _seed(commit: str) -> int | None:
+    """The root seed that was registered then."""
+    try:
+        return int(json.loads(_git("show", f"{commit}:./{paths.REGISTERED.as_posix()}") or "{}")["seed"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _first(runs: Iterable[str]) -> datetime | None:
+    """When the first of the runs was first computed; of runs that were fetched, the published ones' sum has it."""
+    wanted = set(runs)
+    times: dict[str, str] = {}
+    for line in provenance.lines():
+        if line.get("digest") in wanted:
+            times[line["digest"]] = min(line["at"], times.get(line["digest"], line["at"]))
+    if len(times) < len(wanted) and paths.PUBLISHED_ON.exists():
+        times["published"] = json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))["made"]["run"]["first"]
+    elif len(times) < len(wanted):
+        return None
+    return min(datetime.fromisoformat(at) for at in times.values())
+
+
+def _git(*arguments: str) -> str | None:
+    """What git says; None where it fails, or is not there."""
+    try:
+        shown = subprocess.run(["git", *arguments], check=True, capture_output=True, text=True, encoding="utf-8")
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return shown.stdout.strip()

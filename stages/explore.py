@@ -37,7 +37,8 @@ def main() -> None:
         for pair, run in curves.runs(p, pairs, p.sweep.seeds, progress):
             cell = found.setdefault("/".join(pair), [])
             contents[f"{'/'.join(pair)}/{len(cell)}"] = run.content
-            cell.append({name: summary.blocks(values.T, phases, width)[1] for name, values in _joints(run).items()})
+            joints = _joints(run, p.agent.temperature)
+            cell.append({name: summary.blocks(values.T, phases, width)[1] for name, values in joints.items()})
     steps, _ = summary.blocks(np.zeros(phases["extinction"].stop), phases, width)
     limb = body.attached(p.protocol.limb)
     made: dict[str, Any] = {
@@ -65,11 +66,11 @@ def packed(values: Array) -> dict[str, Any]:
     return {"low": low, "high": high, "text": digits.tobytes().decode()}
 
 
-def _joints(run: artifact.Artifact) -> dict[str, Array]:
-    """(step, joint) by curve's name."""
+def _joints(run: artifact.Artifact, temperature: float) -> dict[str, Array]:
+    """(step, joint) by curve's name; Q in temperatures."""
     return {
         "reward": run["reward"],
-        "q_move": run["q"][..., MOVE],
+        "q_move": run["q"][..., MOVE] / temperature,
         "move_probability": run["move_probability"],
     }
 

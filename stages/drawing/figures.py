@@ -53,7 +53,7 @@ PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the
 )
 AXES = {
     "reward": "Reward as paid (scaled units)",
-    "q_move": "Q(MOVE) (scaled units)",
+    "q_move": "Q(MOVE) / temperature",
     "move_probability": "P(MOVE)",
     "influence": "Influence of MOVE: W1 (h)",
 }

@@ -59,7 +59,8 @@ class Sheet:
         self._reward = f"reward: {summary.label(str(run.about['reward']))}"
         self.colour = COLOURS.get(str(run.about["reward"]), OTHER_COLOUR)
         record = {name: dataset.values for name, dataset in run.datasets.items()}
-        curves = analysis.curves(record, {limb: body.attached(limb) for limb in body.LIMB_JOINTS}, self._limb)
+        limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
+        curves = analysis.curves(record, limbs, self._limb, temperature=1)  # Q is not among PANELS
         self._panels = []  # heading, how a value is written, curves by group of joints
         for heading, name, factor, form in PANELS:
             groups = {"all": name} if name in curves else {group: f"{name}/{group}" for group in analysis.GROUPS}

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from mimo.science import analysis
 
@@ -58,6 +57,13 @@ def mean_sd(values: Array) -> tuple[Array, Array]:
     return values.mean(axis=0), sd
 
 
+def onset_change(values: Array, phases: Mapping[str, slice], width: int) -> Array:
+    """(seed,) by how much a curve's mean over extinction's first `width` steps exceeds that over as many before it."""
+    onset = phases["extinction"].start
+    after, before = values[:, onset : onset + width], values[:, onset - width : onset]
+    return np.asarray(after.mean(axis=1, dtype=np.float64) - before.mean(axis=1, dtype=np.float64))
+
+
 def most_active(move_probability: Mapping[str, Array], attached: str) -> Array:
     """(seed,) bool: whether the attached limb's P(MOVE) exceeds every other limb's.
 
@@ -90,15 +96,6 @@ def learned(moved: Array, windows: Mapping[str, slice]) -> Array:
     if met.shape[1] < OF:
         return np.zeros(len(met), bool)
     return np.asarray((np.lib.stride_tricks.sliding_window_view(met, OF, axis=1).sum(axis=2) >= MINUTES).any(axis=1))
-
-
-def two_kinds(values: Array) -> bool:
-    """Whether one mean hides two kinds of seeds, by Sarle's bimodality coefficient: above 5/9, that of even spread."""
-    count, spread = len(values), np.std(values)
-    if count < 4 or not spread > 0:
-        return False
-    skewed, peaked = stats.skew(values, bias=False), stats.kurtosis(values, bias=False)
-    return bool((skewed**2 + 1) / (peaked + 3 * (count - 1) ** 2 / ((count - 2) * (count - 3))) > 5 / 9)
 
 
 def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: str) -> dict[str, Any]:

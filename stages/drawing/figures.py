@@ -19,7 +19,7 @@ from mimo.science import analysis, summary
 from mimo.settings import params
 from mimo.vision import collect, encoder, extractor
 from mimo.world import scene
-from stages.drawing import example, schematics, taxonomy
+from stages.drawing import burst, example, schematics, taxonomy
 from stages.drawing.style import (
     COLOURS,
     DASHES,
@@ -57,6 +57,7 @@ AXES = {
     "move_probability": "P(MOVE)",
     "influence": "Influence of MOVE: W1 (h)",
 }
+BEHAVIOUR, APART = ("q_move", "move_probability"), 0.25  # curves, and share of locked joints, with a line for each seed
 METADATA: dict[str, Any] = {  # by kind of file: without date or version, so that the same data give the same bytes
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -81,6 +82,7 @@ def plan(
         "fig1": lambda: schematics.setting(p, built, frames[roped, 0, 0, 0]),
         "fig2": lambda: taxonomy.rewards(p, example.take(p, held, frames, built)),
         "fig5": lambda: schematics.network(p),
+        "burst": partial(burst.draw, results, _conditions(results)),
         "p_move": partial(_multiples, results, "move_probability"),
         "encoder": partial(_encoder, held),
         "reconstructions": partial(_reconstructions, p, held, frames),
@@ -187,7 +189,10 @@ def _stack(figure: Figure, corner: Place, width: float, height: float, count: in
 
 
 def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], groups: Sequence[str]) -> None:
-    """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border."""
+    """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border.
+
+    Where a mean hides joints that always move and others that always rest, each seed of the first group is a thin line.
+    """
     phases = phases_of(results)
     roped = phases["attached"]
     ax.axvspan(roped.start + 0.5, roped.stop + 0.5, color=GROUND, lw=0, zorder=0)
@@ -200,6 +205,12 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
         ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
         return
     width = summary.window(phases)
+    own = results[f"{condition}/{reward}/{curve}/{groups[0]}"]
+    if curve in BEHAVIOUR and _locked(results, f"{condition}/{reward}/locked", phases) >= APART:
+        for line in summary.smooth(own, phases, width):
+            for phase in phases.values():
+                shown = np.arange(phase.start, phase.stop, width)
+                ax.plot(shown + 1, line[shown], color=colour, lw=0.3, alpha=0.6)
     for group in groups:
         smooth = summary.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
         mean, sd = summary.mean_sd(smooth)
@@ -209,6 +220,13 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
             x, m, s = shown + 1, mean[shown], np.nan_to_num(sd[shown])
             ax.fill_between(x, m - s, m + s, color=colour, alpha=0.2, lw=0)
             ax.plot(x, m, color=colour, ls=DASHES[group])
+
+
+def _locked(results: artifact.Artifact, name: str, phases: Mapping[str, slice]) -> float:
+    """Share of locked joints late in the phase in which it is greatest."""
+    windows = analysis.windows(phases)
+    late = [windows[window] for window in ("baseline_late", "acquisition_late", "extinction_late")]
+    return max(float(results[name][:, window].mean()) for window in late)
 
 
 def _name_phases(ax: Axes, phases: Mapping[str, slice], above: float) -> None:

@@ -84,7 +84,7 @@ def test_the_page_says_numbers_and_where_they_are_from(made: Made, html: str):
     text = plain(html)
     assert "0.81 ± 0.09" in text
     assert "2 of 2" in text
-    assert text.count(made.metrics["results"]) == 7  # claims, tables, four figures, and the figures' origin
+    assert text.count(made.metrics["results"]) == 8  # claims, tables, five figures, and the figures' origin
     assert "dvc repro figures" in text
     assert text.count("Line: mean over n = 2 seeds. Shaded: 1 SD over seeds.") == 4
     assert "learn from the last 200 transitions" in text

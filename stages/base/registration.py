@@ -17,15 +17,17 @@ from mimo.settings.params import Params
 from stages.base import paths, provenance
 
 CLAIMS = tuple(Path(f"mimo/science/{name}.py") for name in ("analysis", "judgement", "claims"))
-UNJUDGED: Any = {"film": True, "sweep": {"chunk"}}  # of params.yaml: they change no number that a claim is judged by
 
 
 def registered(p: Params) -> dict[str, Any]:
     """What there is to decide: the root seed, and digests of constants, claims and readings of the paper."""
     readings = paths.READINGS.read_text(encoding="utf-8")  # whatever line ends git gave it
+    # But for the film and the sweep's chunk, which change no number that a claim is judged by.
+    constants = {name: getattr(p, name) for name in Params.model_fields if name not in ("film", "sweep")}
+    constants["sweep"] = p.sweep.model_dump(mode="json", exclude={"chunk"})
     return {
         "seed": p.seed,
-        "params": str(identity.Digest(p.model_dump(mode="json", exclude=UNJUDGED))),
+        "params": str(identity.Digest(constants)),
         "claims": {path.as_posix(): identity.syntax(path) for path in CLAIMS},
         "readings": hashlib.sha256(readings.encode()).hexdigest(),
     }

@@ -10,7 +10,6 @@ from mimo.science import analysis, judgement, summary
 from mimo.settings.params import Params
 from stages.base import console, origin, paths
 from stages.base.numbers import number
-from stages.drawing import burst
 
 KINDS = ("svg", "pdf", "png")  # of a figure's files
 _RESULTS, _ENCODER, _FRAMES = str(paths.RESULTS), str(paths.ENCODER), str(paths.FRAMES)
@@ -92,7 +91,7 @@ CAPTIONS = {  # by file's name, in the page's order
     ),
     "burst": Caption(
         "The rope comes, the rope goes",
-        "CAIS with Surprise and without, in the {around} steps before and after the rope comes, and before and after "
+        "CAIS with Surprise and without, before and after the rope comes, and before and after "
         "it goes: reward, Q of both actions in temperatures, and P(MOVE). As Surprise is paid whatever a joint did, "
         "Q(NO_TORQUE) rises as Q(MOVE) does, and P(MOVE) follows their difference, with the bias on MOVE. Below: how "
         "much the attached limb's Q(MOVE) and P(MOVE) change as the rope goes, from so many steps before to as many "
@@ -177,7 +176,6 @@ def figures(metrics: Mapping[str, Any], folder: Path, p: Params) -> list[Shown]:
         console.StageError: there is none.
     """
     said = {
-        "around": burst.AROUND,
         "gain": p.rewards.gain,
         "level": 100 * judgement.LEVEL,
         "minute": analysis.MINUTE,

@@ -49,6 +49,7 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
 
     Raises:
         UnknownRewardError: a part is no reward's name.
+        Fault: params.yaml asks for what another learner cannot give: its P(MOVE), or pictures within a step.
     """
 
     def __init__(
@@ -65,6 +66,10 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         self._settings, self._trained, self._condition = settings, trained, condition
         self._extract, self._needs_outcomes = Extractor(settings.encoder, trained), rewards.needs_outcomes(reward)
         self._parts = [(settings.rewards.gain / scales[p.name], p) for p in rewards.parts(reward, settings.rewards)]
+        if self._needs_outcomes and settings.outcomes.marginal == "policy":
+            raise Fault("PPO has no P(MOVE) that p(h) could be mixed by: set outcomes.marginal to `table`.")
+        if rewards.frames(part for _, part in self._parts) > 1:
+            raise Fault("The environment shows one picture a step: set rewards.rtl.frames to 1.")
         latent = spaces.Box(-np.inf, np.inf, (settings.encoder.latent,), np.float32)
         self.observation_space = spaces.Dict({"proprioception": seen["proprioception"], "latent": latent})  # type: ignore[assignment]
 

@@ -1,6 +1,7 @@
 """The rewards' scales as an artifact: of the published params or, under another digest, of a variant's.
 
-Those that differ in rewards and outcome models alone are measured on one record of the resting policy.
+Those that differ in rewards and outcome models alone are measured on one record of the resting policy, unless rewards
+need other pictures of a step.
 """
 
 from collections.abc import Callable, Sequence

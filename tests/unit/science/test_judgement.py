@@ -205,7 +205,13 @@ NO, MAYBE = YES - 5, YES - 0.75
 
 
 def test_of(effects: np.ndarray, *cells: judgement.Cell, **changes: Any) -> judgement.Test:
-    about = {"name": "one", "says": "one with other", "unit": "1", "low": 0.5, "high": INFINITY} | changes
+    about: dict[str, Any] = {
+        "name": "one",
+        "says": "one with other",
+        "unit": "1",
+        "low": 0.5,
+        "high": INFINITY,
+    } | changes
     return judgement.Test(cells=cells or (CELL,), measure=lambda curves, windows: effects, **about)
 
 
@@ -220,7 +226,7 @@ def claim_of(
 
 def cell_of(before: float = 0.0, late: float = 0.0, seeds: int = 6) -> dict[str, np.ndarray]:
     """So many joints are locked in late baseline and in late acquisition."""
-    return {"locked": np.tile(np.repeat(np.float32([before, late]), 2), (seeds, 1))}
+    return {"locked": np.tile(np.repeat(np.array([before, late], np.float32), 2), (seeds, 1))}
 
 
 def judged(claim: judgement.Claim, curves: judgement.Curves | None = None) -> dict[str, Any]:

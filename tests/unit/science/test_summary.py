@@ -67,6 +67,13 @@ def test_mean_and_sd_are_over_seeds():
     assert np.isnan(summary.mean_sd(np.ones((1, 2)))[1]).all()
 
 
+def test_onset_change_is_from_the_ropes_last_steps_to_as_many_of_extinctions_first():
+    values = np.array([[9.0, 9, 1, 3, 4, 8, 9], [9, 9, 5, 5, 5, 3, 9]])
+    phases = analysis.phases(1, 3, 3)
+    assert summary.onset_change(values, phases, 1).tolist() == [1, 0]
+    assert summary.onset_change(values, phases, 2).tolist() == [4, -1]
+
+
 def test_a_tie_does_not_make_a_limb_the_most_active():
     p = {"left_foot": np.array([0.5, 0.5, 0.2]), "left_hand": np.array([0.4, 0.5, 0.3])}
     assert summary.most_active(p, "left_foot").tolist() == [True, False, False]
@@ -107,19 +114,6 @@ def test_learned_reads_neither_extinction_nor_another_seed():
     found = np.concatenate([moved(0.5, 0.4, 0.4, 0.4, 0.4, 0.8), moved(0.5, 0.8, 0.8, 0.4, 0.4, 0.4)])
     found[0, -100:] = 1
     assert summary.learned(found, WINDOWS).tolist() == [False, True]
-
-
-def test_two_kinds_of_seeds_are_told_from_one():
-    draw = np.random.default_rng(0)
-    two = np.concatenate([draw.normal(0, 0.05, 10), draw.normal(1, 0.05, 10)])
-    assert summary.two_kinds(two)
-    assert summary.two_kinds(5 - 3 * two)
-    assert not summary.two_kinds(draw.normal(0, 1, 200))
-
-
-def test_two_kinds_need_four_seeds_that_differ():
-    assert not summary.two_kinds(np.array([0.0, 1, 1]))
-    assert not summary.two_kinds(np.full(20, 0.25))
 
 
 def test_a_cells_numbers():

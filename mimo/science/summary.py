@@ -11,6 +11,7 @@ ACRONYMS = ("mtl", "rtl", "cais")
 # The windows of tables.
 TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")
 LEARNED, MINUTES, OF = 1.5, 2, 3  # times the baseline's rate, in two of any three consecutive minutes: see `learned`
+ROUNDING = 1e-9  # of rates, which are shares of a few hundred movements
 
 Array = np.ndarray
 
@@ -92,7 +93,7 @@ def learned(moved: Array, windows: Mapping[str, slice]) -> Array:
         .reshape(len(phase), -1, analysis.MINUTE)
         .mean(axis=2)
     )
-    met = minutes >= LEARNED * rate[:, None]
+    met = (minutes >= LEARNED * rate[:, None] - ROUNDING) & (minutes > 0)
     if met.shape[1] < OF:
         return np.zeros(len(met), bool)
     return np.asarray((np.lib.stride_tricks.sliding_window_view(met, OF, axis=1).sum(axis=2) >= MINUTES).any(axis=1))

@@ -7,7 +7,8 @@ is here is what was registered, and if that commit is older than the first of th
 import hashlib
 import json
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -40,11 +41,11 @@ def standing(p: Params, runs: Iterable[str]) -> dict[str, Any]:
         `confirmatory`, `seed`, and `at`, when the registration was committed, in UTC, or else `why` not, a clause. It
         says the same wherever there is git's history.
     """
-    commits = _commits()
-    why = _differs(p) or _unborne(p, commits, runs)
-    if why:
+    why = _differs(p) or _unborne(p, runs)
+    committed = _committed()
+    if why or not committed:
         return {"confirmatory": False, "seed": p.seed, "why": why}
-    return {"confirmatory": True, "seed": p.seed, "at": _at(commits[0]).strftime("%Y-%m-%d %H:%M UTC")}
+    return {"confirmatory": True, "seed": p.seed, "at": committed.strftime("%Y-%m-%d %H:%M UTC")}
 
 
 def _differs(p: Params) -> str:
@@ -57,37 +58,37 @@ def _differs(p: Params) -> str:
     return f"not as registered: {', '.join(changed)}" if changed else ""
 
 
-def _unborne(p: Params, commits: Sequence[str], runs: Iterable[str]) -> str:
+def _unborne(p: Params, runs: Iterable[str]) -> str:
     """Why git's history does not bear it out; empty if it does."""
-    if not commits:
+    committed = _committed()
+    if committed is None:
         return f"git's history has no {paths.REGISTERED} as it is here"
-    if any(_seed(commit) == p.seed for commit in commits[1:]):
-        return "the root seed had been registered before, with something else"
+    own = registered(p)
+    if any(held.get("seed") == p.seed and held != own for held in _held()):
+        return "the root seed was registered with something else, too"
     made = _first(runs)
     if made is None:
         return "when the runs were made is not known here"
-    return "a run was made before the registration was committed" if made <= _at(commits[0]) else ""
+    return "a run was made before the registration was committed" if made <= committed else ""
 
 
-def _commits() -> list[str]:
-    """Those that changed the file, the newest first; none if it differs from HEAD's, or git's history is lacking."""
+def _committed() -> datetime | None:
+    """When the file got its present content, by git; None if it is not HEAD's, or if git or its history is lacking."""
     file = paths.REGISTERED.as_posix()
     if _git("diff", "--quiet", "HEAD", "--", file) is None or _git("rev-parse", "--is-shallow-repository") != "false":
-        return []
-    return (_git("log", "--format=%H", "--", file) or "").split()
-
-
-def _at(commit: str) -> datetime:
-    """When it was made."""
-    return datetime.fromisoformat(str(_git("show", "-s", "--format=%cI", commit))).astimezone(UTC)
-
-
-def _seed(commit: str) -> int | None:
-    """The root seed that was registered then."""
-    try:
-        return int(json.loads(_git("show", f"{commit}:./{paths.REGISTERED.as_posix()}") or "{}")["seed"])
-    except (ValueError, KeyError, TypeError):
         return None
+    at = _git("log", "-1", "--format=%cI", "--", file)
+    return datetime.fromisoformat(at).astimezone(UTC) if at else None
+
+
+def _held() -> Iterator[dict[str, Any]]:
+    """All that the file ever held, on whatever branch that was merged."""
+    file = paths.REGISTERED.as_posix()
+    for commit in (_git("log", "--full-history", "--format=%H", "--", file) or "").split():
+        with suppress(ValueError):
+            held = json.loads(_git("show", f"{commit}:./{file}") or "{}")
+            if isinstance(held, dict):
+                yield held
 
 
 def _first(runs: Iterable[str]) -> datetime | None:
@@ -97,11 +98,13 @@ def _first(runs: Iterable[str]) -> datetime | None:
     for line in provenance.lines():
         if line.get("digest") in wanted:
             times[line["digest"]] = min(line["at"], times.get(line["digest"], line["at"]))
-    if len(times) < len(wanted) and paths.PUBLISHED_ON.exists():
-        times["published"] = json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))["made"]["run"]["first"]
-    elif len(times) < len(wanted):
-        return None
-    return min(datetime.fromisoformat(at) for at in times.values())
+    if len(times) < len(wanted):
+        try:
+            published = json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))
+            times["published"] = published["made"]["run"]["first"]
+        except (OSError, ValueError, KeyError):
+            return None
+    return min((datetime.fromisoformat(at) for at in times.values()), default=None)
 
 
 def _git(*arguments: str) -> str | None:

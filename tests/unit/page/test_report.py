@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -181,7 +182,7 @@ def test_every_claim_stands_on_the_page_with_its_tests(made: Made, html: str):
     assert '<a href="#fig3">3 C</a>, <a href="#fig4">4 C</a>' in html
 
 
-def word(judged: dict[str, Any]) -> str:
+def word(judged: Mapping[str, Any]) -> str:
     return judged["verdict"] + (" saturated" if judged["saturated"] else "")
 
 

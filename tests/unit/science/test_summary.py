@@ -99,6 +99,15 @@ def test_learned_is_one_and_a_half_times_the_baseline_in_two_of_three_minutes(
     assert met(0.5, *minutes) == expected
 
 
+def test_a_limb_that_never_moves_has_not_learned():
+    assert not met(0, 0, 0, 0)
+    assert met(0, 0.01, 0.01, 0)
+
+
+def test_exactly_one_and_a_half_times_is_enough_whatever_floats_make_of_it():
+    assert met(0.2, 0.3, 0.3, 0.1)
+
+
 def test_learned_needs_three_minutes_of_the_rope():
     assert met(0.5, 1, 1, 1)
     assert not met(0.5, 1, 1)

@@ -94,7 +94,7 @@ def why() -> str:
 
 
 NOT_IN_GIT = "git's history has no reports/registered.json as it is here"
-REUSED = "the root seed had been registered before, with something else"
+REUSED = "the root seed was registered with something else, too"
 TOO_LATE = "a run was made before the registration was committed"
 
 
@@ -220,6 +220,23 @@ def test_a_root_seed_serves_once(registered: Path, monkeypatch: pytest.MonkeyPat
     assert why() == REUSED
 
 
+def test_a_root_seed_serves_once_on_whatever_branch(registered: Path, monkeypatch: pytest.MonkeyPatch):
+    git("checkout", "-q", "-b", "side")
+    changed(paths.READINGS, "# Readings\n", "# Other readings\n")
+    register_now(monkeypatch)
+    commit(LATER)
+    git("checkout", "-q", "-")
+    git("merge", "-q", "-s", "ours", "--no-edit", "side")
+    assert why() == REUSED
+
+
+def test_the_same_registration_committed_again_counts_from_then(registered: Path):
+    held = paths.REGISTERED.read_text(encoding="utf-8")
+    paths.REGISTERED.write_text(held.replace("  ", " "), encoding="utf-8")
+    commit("2026-05-02T13:00:00+00:00")
+    assert standing() == {"confirmatory": True, "seed": SEED, "at": "2026-05-02 13:00 UTC"}
+
+
 def test_another_root_seed_may_be_registered_anew(registered: Path, monkeypatch: pytest.MonkeyPatch):
     changed(paths.READINGS, "# Readings\n", "# Other readings\n")
     changed(paths.PARAMS, f"seed: {SEED} #", f"seed: {SEED + 1} #")
@@ -245,6 +262,20 @@ def test_a_run_computed_again_counts_from_its_first_time(project: Path, monkeypa
     for digest in RUNS:
         ran(AFTER, digest)
     assert why() == TOO_LATE
+
+
+def test_without_any_run_nothing_is_confirmed(registered: Path):
+    assert registration.standing(params.load(), ())["why"] == "when the runs were made is not known here"
+
+
+def test_damaged_records_of_times_are_passed_over(registered: Path):
+    with paths.provenance().open("a", encoding="utf-8") as file:
+        file.write("\n[1]\n{")
+    assert not why()
+    paths.PUBLISHED_ON.write_text('{"made": {}}', encoding="utf-8")
+    assert not why()
+    paths.provenance().unlink()
+    assert why() == "when the runs were made is not known here"
 
 
 def test_other_runs_do_not_count(registered: Path):

@@ -4,6 +4,7 @@ What matters most is in reports/headline/ too, few enough numbers for `dvc metri
 """
 
 import itertools
+import json
 import sys
 from collections import Counter
 from typing import Any
@@ -20,18 +21,30 @@ def main() -> None:
     p = params.load()
     held = artifact.read(paths.RESULTS, store.RESULTS)
     own = curves.judged(held)
-    runs = curves.digests(paths.manifest(*pair) for pair in itertools.product(p.sweep.conditions, p.sweep.rewards))
-    numbers.write(
-        {
-            "results": held.content,
-            "level": judgement.LEVEL,
-            "registration": registration.standing(p, runs.values()),
-            "claims": own,
-        },
-        paths.CLAIMS,
-    )
+    found: dict[str, Any] = {"results": held.content, "level": judgement.LEVEL}
+    found |= {"registration": standing(p), "claims": own}
+    numbers.write(found, paths.CLAIMS)
     for name, found in headline(held, own).items():
         numbers.write(found, paths.HEADLINE / f"{name}.json")
+
+
+def standing(p: params.Params) -> dict[str, Any]:
+    """Whether the verdicts are confirmatory, by git's history and the runs' times as they are now."""
+    runs = curves.digests(paths.manifest(*pair) for pair in itertools.product(p.sweep.conditions, p.sweep.rewards))
+    return registration.standing(p, runs.values())
+
+
+def stale(p: params.Params) -> str:
+    """A sentence if reports/claims.json says otherwise; DVC knows neither git's history nor times."""
+    try:
+        said = json.loads(paths.CLAIMS.read_text(encoding="utf-8"))["registration"]
+    except (OSError, ValueError, KeyError):
+        return f"{paths.CLAIMS} cannot be read; run `dvc repro claims`."
+    if said == standing(p):
+        return ""
+    return (
+        f"{paths.CLAIMS} says of its registration what no longer is so: run `dvc repro -f -s claims`, then `dvc repro`."
+    )
 
 
 def headline(held: artifact.Artifact, judged: list[dict[str, Any]]) -> dict[str, dict[str, float]]:

@@ -7,8 +7,7 @@ is here is what was registered, and if that commit is older than the first of th
 import hashlib
 import json
 import subprocess
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -38,79 +37,122 @@ def standing(p: Params, runs: Iterable[str]) -> dict[str, Any]:
     """Whether verdicts on these runs, named by their digests, are confirmatory, and why.
 
     Returns:
-        `confirmatory`, `seed`, and `at`, when the registration was committed, in UTC, or else `why` not, a clause. It
-        says the same wherever there is git's history.
+        `confirmatory`, `seed`, `before`, the other root seeds that were ever registered, and `at`, when the
+        registration was committed, in UTC, or else `why` not, a clause. It says the same wherever git's history is.
     """
-    why = _differs(p) or _unborne(p, runs)
-    committed = _committed()
-    if why or not committed:
-        return {"confirmatory": False, "seed": p.seed, "why": why}
-    return {"confirmatory": True, "seed": p.seed, "at": committed.strftime("%Y-%m-%d %H:%M UTC")}
-
-
-def _differs(p: Params) -> str:
-    """How what is here is not what was registered; empty if it is."""
+    held = _all()
+    found: dict[str, Any] = {"seed": p.seed, "before": sorted({own["seed"] for own in held} - {p.seed})}
     try:
-        held = json.loads(paths.REGISTERED.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return f"{paths.REGISTERED} cannot be read"
-    changed = [name for name, own in registered(p).items() if not isinstance(held, dict) or held.get(name) != own]
-    return f"not as registered: {', '.join(changed)}" if changed else ""
+        committed = _borne(p, held, runs)
+    except _UnborneError as why:
+        return {"confirmatory": False, **found, "why": str(why)}
+    return {"confirmatory": True, **found, "at": committed.strftime("%Y-%m-%d %H:%M UTC")}
 
 
-def _unborne(p: Params, runs: Iterable[str]) -> str:
-    """Why git's history does not bear it out; empty if it does."""
-    committed = _committed()
-    if committed is None:
-        return f"git's history has no {paths.REGISTERED} as it is here"
+def used(p: Params) -> bool:
+    """Whether the root seed was ever registered with something else."""
     own = registered(p)
-    if any(held.get("seed") == p.seed and held != own for held in _held()):
-        return "the root seed was registered with something else, too"
+    return any(held["seed"] == p.seed and held != own for held in _all())
+
+
+class _UnborneError(Exception):
+    """The verdicts are exploratory; the message is a clause, why."""
+
+
+def _borne(p: Params, held: Sequence[Mapping[str, Any]], runs: Iterable[str]) -> datetime:
+    """When what is here was registered, if that was before the runs.
+
+    Raises:
+        _UnborneError: it was not, or is not known to have been.
+    """
+    try:
+        here = json.loads(paths.REGISTERED.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise _UnborneError(f"{paths.REGISTERED} cannot be read") from None
+    own = registered(p)
+    if not isinstance(here, dict) or here.keys() != own.keys():
+        raise _UnborneError(f"{paths.REGISTERED} is no registration")
+    if changed := [name for name in own if here[name] != own[name]]:
+        raise _UnborneError(f"not as registered: {', '.join(changed)}")
+    committed = _committed(here)
+    if any(other["seed"] == p.seed and other != own for other in held):
+        raise _UnborneError("the root seed was registered with something else, too")
     made = _first(runs)
     if made is None:
-        return "when the runs were made is not known here"
-    return "a run was made before the registration was committed" if made <= committed else ""
+        raise _UnborneError("when the runs were made is not known here")
+    if made <= committed:
+        raise _UnborneError("a run was made before the registration was committed")
+    return committed
 
 
-def _committed() -> datetime | None:
-    """When the file got its present content, by git; None if it is not HEAD's, or if git or its history is lacking."""
+def _committed(here: Mapping[str, Any]) -> datetime:
+    """When the file got its present content, by git.
+
+    Raises:
+        _UnborneError: it is not HEAD's, or git, or its history, is lacking.
+    """
     file = paths.REGISTERED.as_posix()
-    if _git("diff", "--quiet", "HEAD", "--", file) is None or _git("rev-parse", "--is-shallow-repository") != "false":
-        return None
+    shallow = _git("rev-parse", "--is-shallow-repository")
+    if shallow is None:
+        raise _UnborneError("git is not here, or refuses to read this folder")
+    if shallow != "false":
+        raise _UnborneError("this clone is shallow; `git fetch --unshallow` brings git's history")
     at = _git("log", "-1", "--format=%cI", "--", file)
-    return datetime.fromisoformat(at).astimezone(UTC) if at else None
+    if not at or _parsed(_git("show", f"HEAD:./{file}")) != here:
+        raise _UnborneError(f"{file} is not committed as it is here")
+    return datetime.fromisoformat(at).astimezone(UTC)
 
 
-def _held() -> Iterator[dict[str, Any]]:
-    """All that the file ever held, on whatever branch that was merged."""
+def _all() -> list[dict[str, Any]]:
+    """All that the file ever held in the history of this commit, on whatever branch that was merged."""
     file = paths.REGISTERED.as_posix()
-    for commit in (_git("log", "--full-history", "--format=%H", "--", file) or "").split():
-        with suppress(ValueError):
-            held = json.loads(_git("show", f"{commit}:./{file}") or "{}")
-            if isinstance(held, dict):
-                yield held
+    commits = (_git("log", "--full-history", "--format=%H", "--", file) or "").split()
+    found = [_parsed(_git("show", f"{commit}:./{file}")) for commit in commits]
+    return [held for held in found if isinstance(held, dict) and isinstance(held.get("seed"), int)]
+
+
+def _parsed(text: str | None) -> Any:
+    try:
+        return json.loads(text or "null")
+    except ValueError:
+        return None
 
 
 def _first(runs: Iterable[str]) -> datetime | None:
     """When the first of the runs was first computed; of runs that were fetched, the published ones' sum has it."""
     wanted = set(runs)
-    times: dict[str, str] = {}
+    times: dict[str, datetime] = {}
     for line in provenance.lines():
-        if line.get("digest") in wanted:
-            times[line["digest"]] = min(line["at"], times.get(line["digest"], line["at"]))
+        digest, at = line.get("digest"), _time(line.get("at"))
+        if isinstance(digest, str) and digest in wanted and at:
+            times[digest] = min(at, times.get(digest, at))
     if len(times) < len(wanted):
         try:
-            published = json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))
-            times["published"] = published["made"]["run"]["first"]
-        except (OSError, ValueError, KeyError):
+            published = _time(json.loads(paths.PUBLISHED_ON.read_text(encoding="utf-8"))["made"]["run"]["first"])
+        except (OSError, ValueError, KeyError, TypeError):
             return None
-    return min((datetime.fromisoformat(at) for at in times.values()), default=None)
+        if published is None:
+            return None
+        times["published"] = published
+    return min(times.values(), default=None)
+
+
+def _time(text: Any) -> datetime | None:
+    """A time with its zone; None if it is none."""
+    try:
+        at = datetime.fromisoformat(text)
+    except (ValueError, TypeError):
+        return None
+    return at if at.tzinfo else None
 
 
 def _git(*arguments: str) -> str | None:
     """What git says; None where it fails, or is not there."""
     try:
-        shown = subprocess.run(["git", *arguments], check=True, capture_output=True, text=True, encoding="utf-8")
+        shown = subprocess.run(
+            ["git", "-c", "log.showSignature=false", *arguments],
+            check=True, capture_output=True, text=True, encoding="utf-8",
+        )  # fmt: skip
     except (OSError, subprocess.CalledProcessError):
         return None
     return shown.stdout.strip()

@@ -70,7 +70,7 @@ def project_files(source: Path) -> set[PurePosixPath]:
             check=True,
         )
     except (OSError, subprocess.CalledProcessError):
-        found = {PurePosixPath(path.relative_to(source)) for path in _walk(source, NO_GIT)}
+        found = {PurePosixPath(path.relative_to(source)) for path in _walk(source, NO_GIT)} | {REGISTERED}
     else:
         found = {PurePosixPath(name) for name in listed.stdout.split("\0") if name}
     return {path for path in found if (source / path).is_file()}

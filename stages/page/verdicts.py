@@ -81,6 +81,14 @@ def tests(claim: Mapping[str, Any]) -> Iterator[tuple[str, Test]]:
     yield from (("besides", test) for test in claim["besides"])
 
 
+def refuted(test: Test) -> bool:
+    """Whether a test's interval lies outside its region, whatever its verdict."""
+    ends, bounds = (
+        (float("nan") if end is None else end for end in pair) for pair in (test["region"], test["interval"] or ())
+    )
+    return test["interval"] is not None and judgement.verdict(tuple(bounds), *ends) == judgement.FAILS
+
+
 def primary(claims: Iterable[Mapping[str, Any]]) -> list[Test]:
     """The tests that verdicts are made of, of all claims."""
     return [test for claim in claims for group in judgement.GROUPS for test in claim[group]["tests"]]

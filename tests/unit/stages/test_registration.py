@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mimo.settings import params
-from stages.base import paths, registration
+from stages.base import console, paths, registration
 from stages.commands import register
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -65,6 +65,11 @@ def register_now(monkeypatch: pytest.MonkeyPatch) -> None:
     register.main()
 
 
+def register_anyhow() -> None:
+    """As someone might who would rather not hear of the seed."""
+    paths.REGISTERED.write_text(json.dumps(registration.registered(params.load())), encoding="utf-8")
+
+
 def ran(at: str, digest: str) -> None:
     """A line of the store's, as provenance.note writes it."""
     paths.provenance().parent.mkdir(exist_ok=True)
@@ -93,13 +98,14 @@ def why() -> str:
     return str(found.get("why", ""))
 
 
-NOT_IN_GIT = "git's history has no reports/registered.json as it is here"
+NOT_IN_GIT = "reports/registered.json is not committed as it is here"
+NO_GIT = "git is not here, or refuses to read this folder"
 REUSED = "the root seed was registered with something else, too"
 TOO_LATE = "a run was made before the registration was committed"
 
 
 def test_what_was_registered_before_the_first_run_is_confirmatory(registered: Path):
-    assert standing() == {"confirmatory": True, "seed": SEED, "at": "2026-05-02 12:00 UTC"}
+    assert standing() == {"confirmatory": True, "seed": SEED, "before": [], "at": "2026-05-02 12:00 UTC"}
 
 
 def test_the_commits_time_is_given_in_utc(project: Path, monkeypatch: pytest.MonkeyPatch):
@@ -128,7 +134,7 @@ def test_a_registration_that_cannot_be_read(registered: Path, spoil: Callable[[P
 @pytest.mark.parametrize("text", ["[]", "{}", "null"])
 def test_a_registration_of_nothing(registered: Path, text: str):
     paths.REGISTERED.write_text(text, encoding="utf-8")
-    assert why() == "not as registered: seed, params, claims, readings"
+    assert why() == "reports/registered.json is no registration"
 
 
 @pytest.mark.parametrize(
@@ -186,9 +192,9 @@ def test_a_registration_never_committed(project: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("staged", [False, True])
-def test_a_registration_changed_since_it_was_committed(registered: Path, staged: bool, monkeypatch: pytest.MonkeyPatch):
+def test_a_registration_changed_since_it_was_committed(registered: Path, staged: bool):
     changed(paths.READINGS, "# Readings\n", "# Other readings\n")
-    register_now(monkeypatch)
+    register_anyhow()
     if staged:
         git("add", "-A")
     assert why() == NOT_IN_GIT
@@ -197,10 +203,10 @@ def test_a_registration_changed_since_it_was_committed(registered: Path, staged:
 def test_without_git(registered: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as patch:
         patch.setenv("PATH", "")
-        assert why() == NOT_IN_GIT
+        assert why() == NO_GIT
     shutil.rmtree(".git")
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(registered.parent))
-    assert why() == NOT_IN_GIT
+    assert why() == NO_GIT
 
 
 def test_a_shallow_clone_does_not_say_when(registered: Path, monkeypatch: pytest.MonkeyPatch):
@@ -208,22 +214,43 @@ def test_a_shallow_clone_does_not_say_when(registered: Path, monkeypatch: pytest
         git("clone", "-q", *depth, registered.as_uri(), str(registered.parent / name))
         shutil.copytree(".work", registered.parent / name / ".work")
     monkeypatch.chdir(registered.parent / "shallow")
-    assert why() == NOT_IN_GIT
+    assert why() == "this clone is shallow; `git fetch --unshallow` brings git's history"
     monkeypatch.chdir(registered.parent / "whole")
     assert not why()
 
 
-def test_a_root_seed_serves_once(registered: Path, monkeypatch: pytest.MonkeyPatch):
+def test_another_file_with_the_bit_set_or_the_index_told_to_look_away(registered: Path):
+    paths.REGISTERED.chmod(0o755)
+    assert not why()
+    git("update-index", "--assume-unchanged", str(paths.REGISTERED))
+    changed(paths.PARAMS, f"seed: {SEED} #", f"seed: {SEED + 1} #")
+    register_anyhow()
+    assert why() == NOT_IN_GIT
+
+
+def test_signatures_that_git_would_show_are_in_nobodys_way(registered: Path):
+    git("config", "log.showSignature", "true")
+    assert not why()
+
+
+def test_a_seed_that_served_is_refused(registered: Path, monkeypatch: pytest.MonkeyPatch):
+    register_now(monkeypatch)  # the same again
     changed(paths.READINGS, "# Readings\n", "# Other readings\n")
-    register_now(monkeypatch)
+    with pytest.raises(console.StageError, match=f"Root seed {SEED} was registered with something else: set another"):
+        register_now(monkeypatch)
+
+
+def test_a_root_seed_serves_once(registered: Path):
+    changed(paths.READINGS, "# Readings\n", "# Other readings\n")
+    register_anyhow()
     commit("2026-05-02T13:00:00+00:00")
     assert why() == REUSED
 
 
-def test_a_root_seed_serves_once_on_whatever_branch(registered: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_root_seed_serves_once_on_whatever_branch(registered: Path):
     git("checkout", "-q", "-b", "side")
     changed(paths.READINGS, "# Readings\n", "# Other readings\n")
-    register_now(monkeypatch)
+    register_anyhow()
     commit(LATER)
     git("checkout", "-q", "-")
     git("merge", "-q", "-s", "ours", "--no-edit", "side")
@@ -234,7 +261,7 @@ def test_the_same_registration_committed_again_counts_from_then(registered: Path
     held = paths.REGISTERED.read_text(encoding="utf-8")
     paths.REGISTERED.write_text(held.replace("  ", " "), encoding="utf-8")
     commit("2026-05-02T13:00:00+00:00")
-    assert standing() == {"confirmatory": True, "seed": SEED, "at": "2026-05-02 13:00 UTC"}
+    assert standing() == {"confirmatory": True, "seed": SEED, "before": [], "at": "2026-05-02 13:00 UTC"}
 
 
 def test_another_root_seed_may_be_registered_anew(registered: Path, monkeypatch: pytest.MonkeyPatch):
@@ -242,7 +269,7 @@ def test_another_root_seed_may_be_registered_anew(registered: Path, monkeypatch:
     changed(paths.PARAMS, f"seed: {SEED} #", f"seed: {SEED + 1} #")
     register_now(monkeypatch)
     commit("2026-05-02T13:00:00+00:00")
-    assert standing() == {"confirmatory": True, "seed": SEED + 1, "at": "2026-05-02 13:00 UTC"}
+    assert standing() == {"confirmatory": True, "seed": SEED + 1, "before": [SEED], "at": "2026-05-02 13:00 UTC"}
 
 
 # When the runs were made.
@@ -270,9 +297,22 @@ def test_without_any_run_nothing_is_confirmed(registered: Path):
 
 def test_damaged_records_of_times_are_passed_over(registered: Path):
     with paths.provenance().open("a", encoding="utf-8") as file:
-        file.write("\n[1]\n{")
+        for line in (
+            "[1]",
+            "{",
+            *(json.dumps(damaged | {"digest": RUNS[0]}) for damaged in ({}, {"at": "x"}, {"at": 5})),
+        ):
+            file.write(f"\n{line}")
+        file.write('\n{"digest": []}')
     assert not why()
-    paths.PUBLISHED_ON.write_text('{"made": {}}', encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "null", '{"made": {}}', '{"made": []}', '{"made": {"run": {"first": 5}}}',
+             '{"made": {"run": {"first": "yesterday"}}}', '{"made": {"run": {"first": "2026-05-03T12:00:00"}}}'],
+)  # fmt: skip
+def test_damaged_sums_of_the_published_are_passed_over(registered: Path, text: str):
+    paths.PUBLISHED_ON.write_text(text, encoding="utf-8")
     assert not why()
     paths.provenance().unlink()
     assert why() == "when the runs were made is not known here"

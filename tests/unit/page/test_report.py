@@ -192,9 +192,10 @@ def said(group: dict[str, Any]) -> str:
 
 def test_the_page_says_whether_the_verdicts_were_registered(made: Made, html: str):
     assert "These verdicts are exploratory: reports/registered.json cannot be read." in plain(html)
-    standing = {"confirmatory": True, "seed": 7, "at": "2026-01-02 03:04 UTC"}
+    standing = {"confirmatory": True, "seed": 7, "before": [5], "at": "2026-01-02 03:04 UTC"}
     text = plain(shown(replace(made, claims=made.claims | {"registration": standing})))
-    assert "confirmatory: claims, readings, constants and the root seed 7 were registered in git at 2026-01-02" in text
+    assert "confirmatory: claims, readings, constants and the root seed 7 were registered in git at 2026-01-02 03:04 UTC, before the first" in text
+    assert "was made; before that, with root seeds 5." in text
 
 
 def test_a_saturated_test_says_so(made: Made):

@@ -45,7 +45,7 @@ def test_a_sweep_of_unknown_or_repeated_entries_is_refused(keys: Keys, wrong: ob
             },
             "rewards.rtl must need no more pictures of a step than protocol.updates_per_step",
         ),
-        ({("film", "run"): "cais/seed-010"}, "film.run must be one of the runs of sweep"),
+        ({("film", "run"): "cais/seed-020"}, "film.run must be one of the runs of sweep"),
     ],
 )
 def test_values_that_do_not_fit_each_other_are_refused(changes: dict[Keys, Any], words: str, tmp_path: Path) -> None:

@@ -194,7 +194,7 @@ def test_the_page_says_whether_the_verdicts_were_registered(made: Made, html: st
     assert "These verdicts are exploratory: reports/registered.json cannot be read." in plain(html)
     standing = {"confirmatory": True, "seed": 7, "before": [5], "at": "2026-01-02 03:04 UTC"}
     text = plain(shown(replace(made, claims=made.claims | {"registration": standing})))
-    assert "confirmatory: claims, readings, constants and the root seed 7 were registered in git at 2026-01-02 03:04 UTC, before the first" in text
+    assert "constants and the root seed 7 were registered in git at 2026-01-02 03:04 UTC, before the first" in text
     assert "was made; before that, with root seeds 5." in text
 
 

@@ -1,4 +1,4 @@
-# make paper | studies | watch | verify | publish | share | fetch | preview | test | same-bytes | check | format | bench | scaling. `make` alone lists them.
+# make paper | studies | watch | verify | register | publish | share | fetch | preview | test | same-bytes | check | format | bench | scaling. `make` alone lists them.
 
 # The interpreter for .venv: the first of these that is Python 3.11 to 3.13, unless PYTHON names another.
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
@@ -10,7 +10,7 @@ export RAY_USAGE_STATS_ENABLED := 0
 STAMP := .venv/.stamp
 
 .DEFAULT_GOAL := help
-.PHONY: help paper studies watch verify publish share fetch preview test same-bytes check format bench scaling .venv
+.PHONY: help paper studies watch verify register publish share fetch preview test same-bytes check format bench scaling .venv
 
 help: ## List the commands
 	@sed -n 's/^\([a-z.-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -29,6 +29,9 @@ watch: $(STAMP) ## From another terminal: what a running sweep or stage does, ru
 verify: $(STAMP) ## Compute a sample of the published artifacts again and compare
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.verify
+
+register: $(STAMP) ## Before the runs: write down what is decided, reports/registered.json, to be committed alone
+	@python -m stages.commands.register
 
 publish: $(STAMP) ## Say on which machines the published artifacts were made: reports/published-on.json
 	@python -m stages.commands.publish

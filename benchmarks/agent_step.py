@@ -18,6 +18,7 @@ from mimo.learning.rewards import REWARDS
 from mimo.record import streams
 from mimo.settings import params
 from mimo.vision import encoder, extractor
+from mimo.vision.collect import REGIMES
 from mimo.world import scene
 from mimo.world.physics import Worlds
 
@@ -63,7 +64,8 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
         return advance(control, attached)
 
     worlds._advance = keep  # type: ignore[method-assign]
-    time_calls(spent, "physics", worlds, "step")
+    for name in ("_control", "_advance"):
+        time_calls(spent, "physics", worlds, name)
     time_calls(spent, "eye", run.eye, "frames")
     for name in ("values", "move_probability", "update"):
         time_calls(spent, "learning", run.agents, name)
@@ -96,7 +98,7 @@ def untrained(settings: params.Encoder) -> extractor.Trained:
     """A U-Net as initialised, whose h is left as it is."""
     weights = {name: value.numpy() for name, value in encoder.UNet(settings).state_dict().items()}
     zeros, ones = np.zeros(settings.latent, np.float32), np.ones(settings.latent, np.float32)
-    quantiles = np.zeros((settings.latent, len(extractor.LEVELS)), np.float32)
+    quantiles = np.zeros((len(REGIMES), settings.latent, len(extractor.LEVELS)), np.float32)
     return extractor.Trained(weights, zeros, ones, quantiles, zeros, zeros)
 
 

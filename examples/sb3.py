@@ -45,9 +45,11 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         reward: a reward's name, or several joined by "_".
         trained: the encoder.
         scales: by reward name, the SD by which it is divided.
+        condition: of `env`.
 
     Raises:
         UnknownRewardError: a part is no reward's name.
+        Fault: params.yaml asks for what another learner cannot give: its P(MOVE), or pictures within a step.
     """
 
     def __init__(
@@ -57,12 +59,17 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         reward: str,
         trained: Trained,
         scales: Mapping[str, float],
+        condition: Condition,
     ) -> None:
         super().__init__(env)
         seen: Any = env.observation_space
-        self._settings, self._trained = settings, trained
+        self._settings, self._trained, self._condition = settings, trained, condition
         self._extract, self._needs_outcomes = Extractor(settings.encoder, trained), rewards.needs_outcomes(reward)
         self._parts = [(settings.rewards.gain / scales[p.name], p) for p in rewards.parts(reward, settings.rewards)]
+        if self._needs_outcomes and settings.outcomes.marginal == "policy":
+            raise Fault("PPO has no P(MOVE) that p(h) could be mixed by: set outcomes.marginal to `table`.")
+        if rewards.frames(part for _, part in self._parts) > 1:
+            raise Fault("The environment shows one picture a step: set rewards.rtl.frames to 1.")
         latent = spaces.Box(-np.inf, np.inf, (settings.encoder.latent,), np.float32)
         self.observation_space = spaces.Dict({"proprioception": seen["proprioception"], "latent": latent})  # type: ignore[assignment]
 
@@ -72,7 +79,9 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         """A new experiment, with new outcome models."""
         seen, info = self.env.reset(seed=seed, options=options)
         # A stream of its own: the mobile's noise is the same with every reward.
-        outcomes = untaught(self._settings, self._trained, self.np_random.spawn(1)) if self._needs_outcomes else None
+        outcomes = None
+        if self._needs_outcomes:
+            outcomes = untaught(self._settings, self._trained, self._condition, self.np_random.spawn(1))
         self._perception = Perception(self._extract, seen["vision"][None], outcomes)
         return self._observation(seen), info
 
@@ -120,7 +129,8 @@ def environment(settings: Params, condition: Condition, reward: str) -> Intrinsi
     trained = extractor.load(artifact.read("data/encoder.h5", extractor.SCHEMA))
     scales = artifact.read("data/scales.h5", "scale")
     env = MIMoMobileEnv(condition, settings.protocol.limb, settings=settings)
-    return Intrinsic(env, settings, reward, trained, {name: float(scales[name]) for name in reward.split("_")})
+    own = {name: float(scales[name]) for name in reward.split("_")}
+    return Intrinsic(env, settings, reward, trained, own, condition)
 
 
 def moving(model: PPO, env: Intrinsic) -> np.ndarray:

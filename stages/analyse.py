@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mimo.record import artifact, identity
-from mimo.science import analysis
+from mimo.science import analysis, summary
 from mimo.settings import params
 from stages.base import console, numbers, paths, provenance, store
 from stages.sweep import curves
@@ -41,7 +41,7 @@ def main() -> None:
         "conditions": {condition: {} for condition in p.sweep.conditions},
     }
     for (condition, reward), cell in cells.items():
-        metrics["conditions"][condition][reward] = analysis.cell(cell, windows, p.protocol.limb)
+        metrics["conditions"][condition][reward] = summary.cell(cell, windows, p.protocol.limb)
     numbers.write(metrics, paths.METRICS)
     for curve in PLOTTED:
         artifact.publish(table(cells, curve, phases).encode(), paths.PLOTS / f"{curve}.csv")
@@ -60,8 +60,8 @@ def table(cells: curves.Cells, curve: str, phases: Mapping[str, slice]) -> str:
         for group in analysis.GROUPS:
             if f"{curve}/{group}" not in stacked:
                 continue
-            steps, means = analysis.blocks(stacked[f"{curve}/{group}"], phases, analysis.window(phases))
-            for step, mean, sd in zip(steps, *analysis.mean_sd(means), strict=True):
+            steps, means = summary.blocks(stacked[f"{curve}/{group}"], phases, summary.window(phases))
+            for step, mean, sd in zip(steps, *summary.mean_sd(means), strict=True):
                 values = [numbers.rounded(float(value)) for value in (mean, sd)]
                 phase = next(name for name, steps in phases.items() if step <= steps.stop)
                 writer.writerow([f"{step:g}", phase, condition, reward, group, *values])

@@ -17,7 +17,10 @@ def main() -> None:
     variants, seeds = sweeps.variants, sweeps.seeds
     windows = analysis.windows(curves.phases(p))
     with console.Progress("Variants", seeds * sum(len(v.pairs) for v in variants.values()), "runs") as progress:
-        found = {name: curves.read(p, own.pairs, seeds, progress, name) for name, own in variants.items()}
+        found = {
+            name: curves.read(params.changed(p, own.set), own.pairs, seeds, progress, name)
+            for name, own in variants.items()
+        }
     datasets = curves.ends(windows)
     for name, stacked in found.items():
         datasets |= curves.datasets(stacked, f"{name}/")

@@ -53,7 +53,7 @@ def train(p: params.Params, frames: np.ndarray) -> extractor.Trained:
     with console.Progress("Encoder", p.encoder.iterations, "iterations") as progress:
         return encoder.train(
             p.encoder,
-            pairs.reshape(-1, *pairs.shape[3:]),
+            pairs.reshape(len(pairs), -1, *pairs.shape[3:]),
             streams.generator(p.seed, "free", 0, "encoder"),
             progress.update,
         )

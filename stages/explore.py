@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mimo.record import artifact, identity
-from mimo.science import analysis
+from mimo.science import summary
 from mimo.settings import params
 from mimo.world import body
 from mimo.world.protocol import MOVE
@@ -29,7 +29,7 @@ def main() -> None:
     """Read every run of the sweep and keep what the explorer draws."""
     p = params.load()
     phases = curves.phases(p)
-    width = analysis.window(phases)
+    width = summary.window(phases)
     pairs = list(itertools.product(p.sweep.conditions, p.sweep.rewards))
     found: dict[str, list[dict[str, Array]]] = {}
     contents = {}
@@ -37,8 +37,9 @@ def main() -> None:
         for pair, run in curves.runs(p, pairs, p.sweep.seeds, progress):
             cell = found.setdefault("/".join(pair), [])
             contents[f"{'/'.join(pair)}/{len(cell)}"] = run.content
-            cell.append({name: analysis.blocks(values.T, phases, width)[1] for name, values in _joints(run).items()})
-    steps, _ = analysis.blocks(np.zeros(phases["extinction"].stop), phases, width)
+            joints = _joints(run, p.agent.temperature)
+            cell.append({name: summary.blocks(values.T, phases, width)[1] for name, values in joints.items()})
+    steps, _ = summary.blocks(np.zeros(phases["extinction"].stop), phases, width)
     limb = body.attached(p.protocol.limb)
     made: dict[str, Any] = {
         "runs": identity.Digest(contents),
@@ -65,11 +66,11 @@ def packed(values: Array) -> dict[str, Any]:
     return {"low": low, "high": high, "text": digits.tobytes().decode()}
 
 
-def _joints(run: artifact.Artifact) -> dict[str, Array]:
-    """(step, joint) by curve's name."""
+def _joints(run: artifact.Artifact, temperature: float) -> dict[str, Array]:
+    """(step, joint) by curve's name; Q in temperatures."""
     return {
         "reward": run["reward"],
-        "q_move": run["q"][..., MOVE],
+        "q_move": run["q"][..., MOVE] / temperature,
         "move_probability": run["move_probability"],
     }
 

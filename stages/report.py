@@ -16,7 +16,9 @@ def main() -> None:
     """Write the page."""
     p = params.load()
     versions = page.versions(LOCK.read_text(encoding="utf-8"))
-    html = page.index(page.gathered(p), p.protocol, constants(paths.PARAMS.read_text(encoding="utf-8")), versions)
+    readings = page.prose(paths.READINGS.read_text(encoding="utf-8"))
+    own = constants(paths.PARAMS.read_text(encoding="utf-8"))
+    html = page.index(page.gathered(p), p.protocol, own, readings, versions)
     artifact.publish(html.encode(), paths.REPORT)
 
 

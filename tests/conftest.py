@@ -87,8 +87,9 @@ def collected(tiny: Params) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture(scope="session")
 def pairs(collected: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(40, 2, 128, 128, 3) uint8 frame pairs of all regimes."""
-    return collected[0].reshape(-1, *collected[0].shape[3:])
+    """(4, 10, 2, 128, 128, 3) uint8 frame pairs of all regimes."""
+    frames = collected[0]
+    return frames.reshape(len(frames), -1, *frames.shape[3:])
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from mimo.learning.experiment import Experiment
 from mimo.record import runtime
 from mimo.settings import params
 from mimo.vision import encoder
+from mimo.vision.collect import REGIMES
 from mimo.vision.extractor import Extractor
 
 LEAST, MOST = (2, 1, 2), (8, 3, 20)  # pairs, iterations, agent steps: for every test run, and for `make same-bytes`
@@ -27,11 +28,11 @@ def main(pairs: int, iterations: int, steps: int) -> None:
     p = params.load()
     for library in ("numpy", "torch"):
         print(library, runtime._computed(library), flush=True)
-    frames = np.random.default_rng(0).integers(0, 256, (pairs, 2, 128, 128, 3), np.uint8)
+    frames = np.random.default_rng(0).integers(0, 256, (len(REGIMES), pairs, 2, 128, 128, 3), np.uint8)
     few = params.checked(p.encoder, {"pairs": pairs, "iterations": iterations})
     trained = encoder.train(few, frames, np.random.default_rng(1))
     print("training", digest(trained.weights.values()), flush=True)
-    print("inference", digest([Extractor(few, trained)(frames[:, 0]), trained.quantiles]), flush=True)
+    print("inference", digest([Extractor(few, trained)(frames[0, :, 0]), trained.quantiles]), flush=True)
     scales = {"mtl": 0.1, "rtl": 0.1, "cais": 0.1, "surprise": 1.0}
     run = Experiment(p, "noisy", "_".join(scales), [0, 1], trained, scales)
     with run.eye:

@@ -34,8 +34,8 @@ def sarsa_target(reward: Any, rest: Any, move: Any, probability: Any, gamma: Any
 
     Args:
         reward: R; all are float32.
-        rest: Q of NO_TORQUE in the next state, in which the bias has no part.
-        move: Q of MOVE in the next state.
+        rest: Q of NO_TORQUE in the next state.
+        move: Q of MOVE in the next state; with the bias, if `agent.bias_in_target`.
         probability: P(MOVE) in the next state.
         gamma: discount.
     """
@@ -56,6 +56,7 @@ class Agents:
         width = settings.hidden
         chosen = (settings.gamma, settings.move_bias, settings.temperature, settings.learning_rate)
         self._gamma, self._move_bias, self._temperature, self._rate = map(np.float32, chosen)
+        self._in_target = np.float32(settings.move_bias if settings.bias_in_target else 0)
         self._numbers, self._gradients, self._first, self._second = np.zeros(
             (4, len(generators), network.size(inputs, width)), np.float32
         )
@@ -108,16 +109,16 @@ class Agents:
         """
         if not self._asked:
             raise RuntimeError("Ask for the values of the state that the action was taken in before each update.")
-        self._asked = False
         joints = (len(self.networks), JOINTS)
         action, reward = checked("action", action, joints, bool), checked("reward", reward, joints, np.float32)
         next_state = checked("next_state", next_state, (len(self.networks), self._inputs), np.float32)
+        self._asked = False
         self._updates += 1
         errors = np.empty(action.shape, np.float32)
         for seed, (net, gradient) in enumerate(zip(self.networks, self.gradients, strict=True)):
             following = network.forward(net, next_state[seed], self._spare)
-            policy = self._gamma, self._move_bias, self._temperature
-            errors[seed], upstream = _errors(self._values[seed], following, action[seed], reward[seed], *policy)
+            constants = self._gamma, self._move_bias, self._temperature, self._in_target
+            errors[seed], upstream = _errors(self._values[seed], following, action[seed], reward[seed], *constants)
             network.backward(net, self._traces[seed], upstream, gradient)
             numbers, moments = self._numbers[seed], (self._first[seed], self._second[seed])
             adamw(numbers, self._gradients[seed], *moments, self._rate, self._updates)
@@ -136,7 +137,14 @@ def _move_probabilities(values: Array, move_bias: Any, temperature: Any) -> Arra
 
 @kernel
 def _errors(
-    values: Array, following: Array, action: Array, reward: Array, gamma: Any, move_bias: Any, temperature: Any
+    values: Array,
+    following: Array,
+    action: Array,
+    reward: Array,
+    gamma: Any,
+    move_bias: Any,
+    temperature: Any,
+    in_target: Any,
 ) -> tuple[Array, Array]:
     """TD errors (12,), and half their squares' derivatives by the Q values (24,), of which the actions chose 12."""
     error, upstream = np.empty(len(action), np.float32), np.zeros(len(values), np.float32)
@@ -144,7 +152,7 @@ def _errors(
         rest, move = following[ACTIONS * joint + NO_TORQUE], following[ACTIONS * joint + MOVE]
         probability = move_probability(rest, move, move_bias, temperature)
         chosen = ACTIONS * joint + action[joint]
-        error[joint] = sarsa_target(reward[joint], rest, move, probability, gamma) - values[chosen]
+        error[joint] = sarsa_target(reward[joint], rest, move + in_target, probability, gamma) - values[chosen]
         upstream[chosen] = -error[joint]
     return error, upstream
 

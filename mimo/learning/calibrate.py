@@ -10,6 +10,7 @@ from mimo.learning.experience import transition, untaught
 from mimo.learning.resting import Rest
 from mimo.record import streams
 from mimo.settings.params import Params
+from mimo.vision.collect import resting_probability
 from mimo.vision.extractor import Trained
 
 
@@ -28,11 +29,15 @@ def scales(params: Params, trained: Trained, rest: Rest) -> dict[str, float]:
     """
     worlds = range(params.calibrate.worlds)
     batches = [streams.generator(params.seed, "free", world, "calibrate_memory") for world in worlds]
-    outcomes = untaught(params, trained, batches)
+    outcomes = untaught(params, trained, "free", batches)
     terms = rewards.parts("_".join(rewards.REWARDS), params.rewards)
+    frames = rewards.frames(terms)
+    probability = np.full(rest.action.shape[1:], resting_probability(params.agent), np.float32)
     seen = np.empty((len(terms), *rest.action.shape))
     for step, (action, path_length) in enumerate(zip(rest.action, rest.path_length, strict=True)):
-        found = transition(action, path_length, rest.latent[step], rest.latent[step + 1], outcomes)
+        found = transition(
+            action, path_length, rest.latent[:, step * frames : (step + 1) * frames + 1], outcomes, probability
+        )
         seen[:, step] = rewards.paid(terms, found)
     half = params.calibrate.steps // 2
     deviations = {term.name: float(values[half:].std()) for term, values in zip(terms, seen, strict=True)}

@@ -122,10 +122,13 @@ class Experiment:
 
         built = scene.build(params.world, params.protocol)
         worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
-        outcomes = untaught(params, trained, generators("memory")) if rewards.needs_outcomes(reward) else None
+        outcomes = (
+            untaught(params, trained, condition, generators("memory")) if rewards.needs_outcomes(reward) else None
+        )
         self.eye = Eye(built)
-        self.experience = Experience(worlds, self.eye, Extractor(params.encoder, trained), outcomes)
         self.parts = rewards.parts(reward, params.rewards)
+        frames, extract = rewards.frames(self.parts), Extractor(params.encoder, trained)
+        self.experience = Experience(worlds, self.eye, extract, outcomes, frames)
         gain, running = params.rewards.gain, params.rewards.scale == "running"
         self._gains = [gain if running else gain / scales[part.name] for part in self.parts]
         self._running = [Running(len(self.seeds)) for _ in self.parts] if running else None
@@ -163,7 +166,7 @@ class Experiment:
         positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
         moved = chance < probability
         attached = phase(self.params.protocol, step) == "attached"
-        outcome, transition = self.experience.step(moved, positive, attached)
+        outcome, transition = self.experience.step(moved, positive, attached, probability)
         parts = rewards.paid(self.parts, transition)
         scaled = parts
         if self._running:

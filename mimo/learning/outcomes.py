@@ -1,8 +1,9 @@
 """What follows an action: quantile models of p(h|a) and p(h), and their distance (paper §3.4), as kernels.
 
-A model is a free table: for each tau and each dimension of the latent h one number, the quantile. Tables of p(h|a), one
-for each joint and action, and the table of p(h) learn from the same transitions. Several seeds learn in lock step, each
-computed by itself: its numbers are the same bytes in any company.
+A model is a free table: a number, the quantile, for each tau and each dimension of the latent h. A table of p(h|a), one
+for each joint and action, learns from the transitions in which the joint took that action, the table of p(h) from all.
+Each draws a batch of its own, so that all move at one pace. Several seeds learn in lock step, each computed by itself:
+its numbers are the same bytes in any company.
 """
 
 from collections.abc import Sequence
@@ -12,10 +13,11 @@ import numpy as np
 
 from mimo.record.kernels import ONE, Array, adamw, checked, kernel
 from mimo.settings import params
-from mimo.world.protocol import ACTIONS, JOINTS
+from mimo.world.protocol import ACTIONS, JOINTS, MOVE, NO_TORQUE
 
 CONDITIONAL = JOINTS * ACTIONS  # tables of p(h|a); row 2 * joint + action
 MARGINAL = CONDITIONAL  # the row of p(h), which comes last
+NONE = -1  # in a batch: no transition
 
 
 def taus(quantiles: int) -> Array:
@@ -49,7 +51,7 @@ class Outcomes:
         self._tables = np.empty((seeds, MARGINAL + 1, quantiles, latent), np.float32)
         self._tables[:] = initial.T
         self._gradient, self._first, self._second = (np.zeros_like(self._tables) for _ in range(3))
-        self._rows = np.full((seeds, settings.memory, JOINTS + 1), MARGINAL)
+        self._actions = np.zeros((seeds, settings.memory, JOINTS), bool)
         self._latents = np.zeros((seeds, settings.memory, latent), np.float32)
 
     @property
@@ -64,12 +66,13 @@ class Outcomes:
         return self._tables[:, MARGINAL].swapaxes(-1, -2)
 
     def update(self, action: Array, latent: Array) -> None:
-        """Remember a transition, then take one step of AdamW on a batch of the last `memory` transitions.
+        """Remember a transition, then take one step of AdamW on batches of the last `memory` transitions.
 
-        The batch is drawn uniformly and with replacement, so it need not hold the newest transition. The loss of a
+        A table's batch (`batches: own`) is drawn from the transitions that it learns from, uniformly and with
+        replacement, so it need not hold the newest; where there is none, the table has no gradient. With `batches:
+        shared` one batch is drawn of all transitions, of which each table takes what it learns from. The loss of a
         quantile q at level tau is |tau - 1(u < 0)| Huber(u) with u = h - q (paper eqs. huber_loss, quantile_loss), mean
-        over the batch, summed over tables: the tables are independent, and each action's table learns from the
-        transitions in which its joint took that action.
+        over the batch, summed over tables, which are independent.
 
         Args:
             action: (N, 12) bool, True where the joint moved.
@@ -80,26 +83,42 @@ class Outcomes:
         """
         latent = checked("latent", latent, (len(self._tables), self._latents.shape[-1]), np.float32)
         place = self._steps % self._settings.memory
-        self._rows[:, place, :JOINTS] = self._of(action)
+        self._actions[:, place] = checked("action", action, (len(self._tables), JOINTS), bool)
         self._latents[:, place] = latent
         self._steps += 1
         held = min(self._steps, self._settings.memory)
         for seed, generator in enumerate(self._generators):
-            drawn = generator.integers(0, held, self._settings.batch)
+            actions, latents = self._actions[seed, :held], self._latents[seed, :held]
+            if self._settings.batches == "own":
+                drawn = _own(actions, generator.random((MARGINAL + 1, self._settings.batch)))
+            else:
+                drawn = _shared(actions, generator.integers(0, held, self._settings.batch))
             table, gradient = self._tables[seed], self._gradient[seed]
-            _differentiate(table, self._rows[seed, drawn], self._latents[seed, drawn], self._levels, self._kappa,
-                           gradient)  # fmt: skip
+            _differentiate(table, drawn, latents, self._levels, self._kappa, gradient)
             adamw(table.reshape(-1), gradient.reshape(-1), self._first[seed].reshape(-1),
                   self._second[seed].reshape(-1), self._rate, self._steps)  # fmt: skip
 
-    def influence(self) -> Array:
+    def influence(self, probability: Array | None = None) -> Array:
         """Causal influence of each action, paper eq. causality_continuous: W1 of p(h|a) and p(h), mean over the latent.
 
-        W1 is the mean distance of quantiles at the same level.
+        W1 is the mean distance of quantiles at the same level. With `marginal: policy`, p(h) is a joint's two p(h|a)
+        mixed by its policy, and W1 between p(h|a) and that is the probability of the other action times W1 of the two.
+
+        Args:
+            probability: (N, 12) float32, P(MOVE); read with `marginal: policy` alone.
 
         Returns:
             (N, 12, 2): joint, then NO_TORQUE and MOVE, in units of h.
+
+        Raises:
+            ValueError: `probability` is read, and is missing or has another shape or type.
         """
+        if self._settings.marginal == "policy":
+            if probability is None:
+                raise ValueError("With outcomes.marginal `policy`, influence needs P(MOVE); there is none.")
+            probability = checked("probability", probability, (len(self._tables), JOINTS), np.float32)
+            apart = np.stack([_apart(tables) for tables in self._tables])
+            return np.stack([probability * apart, (ONE - probability) * apart], axis=-1)
         return np.stack([_distances(tables) for tables in self._tables]).reshape(-1, JOINTS, ACTIONS)
 
     def expectation(self, action: Array) -> Array:
@@ -114,37 +133,88 @@ class Outcomes:
         Raises:
             ValueError: the action has another shape or type.
         """
-        return np.stack([_means(tables, rows) for tables, rows in zip(self._tables, self._of(action), strict=True)])
-
-    def _of(self, action: Array) -> Array:
-        """The rows (N, 12) of p(h|a)."""
-        return checked("action", action, (len(self._tables), JOINTS), bool) + ACTIONS * np.arange(JOINTS)
+        rows = checked("action", action, (len(self._tables), JOINTS), bool) + ACTIONS * np.arange(JOINTS)
+        return np.stack([_means(tables, own) for tables, own in zip(self._tables, rows, strict=True)])
 
 
 @kernel
-def _differentiate(tables: Array, rows: Array, latents: Array, levels: Array, kappa: Any, gradient: Array) -> None:
+def _own(actions: Array, chance: Array) -> Array:
+    """(tables, batch) indices of transitions: of each table's own, as `chance` (tables, batch) in [0, 1) has it.
+
+    Args:
+        actions: (transitions, 12) bool.
+        chance: float64.
+    """
+    drawn = np.full(chance.shape, NONE)
+    own = np.empty(len(actions), np.int64)
+    for row in range(len(drawn)):
+        joint, move = divmod(row, ACTIONS)
+        count = 0
+        for n in range(len(actions)):
+            if row == MARGINAL or actions[n, joint] == (move == MOVE):
+                own[count] = n
+                count += 1
+        if count:
+            for place in range(chance.shape[1]):
+                drawn[row, place] = own[int(chance[row, place] * count)]
+    return drawn
+
+
+@kernel
+def _shared(actions: Array, batch: Array) -> Array:
+    """(tables, batch) indices of transitions: those of one `batch` (batch,) that a table learns from, else NONE."""
+    drawn = np.full((MARGINAL + 1, len(batch)), NONE)
+    for place in range(len(batch)):
+        n = batch[place]
+        drawn[MARGINAL, place] = n
+        for joint in range(actions.shape[1]):
+            drawn[ACTIONS * joint + actions[n, joint], place] = n
+    return drawn
+
+
+@kernel
+def _differentiate(tables: Array, drawn: Array, latents: Array, levels: Array, kappa: Any, gradient: Array) -> None:
     """Write the gradient of paper eq. quantile_loss: by q it is -|tau - 1(u < 0)| clip(u, -kappa, kappa).
 
     Args:
         tables: (tables, quantiles, latent).
-        rows: (batch, 13), the tables that learn from each transition.
-        latents: (batch, latent), the h of each.
+        drawn: (tables, batch), which transitions each table learns from, or NONE.
+        latents: (transitions, latent), the h of each.
         levels: (quantiles,), taus.
         kappa: in units of h.
         gradient: like tables.
     """
     gradient[:] = 0
-    batch, none = np.float32(len(rows)), np.float32(0)
-    for n in range(len(rows)):
-        h = latents[n]
-        for place in range(rows.shape[1]):
-            row = rows[n, place]
+    batch, none = np.float32(drawn.shape[1]), np.float32(0)
+    for row in range(len(drawn)):
+        for place in range(drawn.shape[1]):
+            if drawn[row, place] == NONE:
+                continue
+            h = latents[drawn[row, place]]
             for k in range(len(levels)):
                 above, below = levels[k] / batch, (ONE - levels[k]) / batch
                 q, into = tables[row, k], gradient[row, k]
                 for d in range(len(h)):
                     u = h[d] - q[d]
                     into[d] -= above * min(max(u, none), kappa) + below * max(min(u, none), -kappa)
+
+
+@kernel
+def _apart(tables: Array) -> Array:
+    """(joints,): W1 of each joint's two tables of p(h|a)."""
+    quantiles, latent = tables.shape[1:]
+    found, sums = np.empty(MARGINAL // ACTIONS, np.float32), np.empty(latent, np.float32)
+    for joint in range(len(found)):
+        sums[:] = 0
+        for k in range(quantiles):
+            rest, move = tables[ACTIONS * joint + NO_TORQUE, k], tables[ACTIONS * joint + MOVE, k]
+            for d in range(latent):
+                sums[d] += abs(move[d] - rest[d])
+        found[joint] = sums[0]
+        for d in range(1, latent):
+            found[joint] += sums[d]
+        found[joint] /= np.float32(quantiles * latent)
+    return found
 
 
 @kernel

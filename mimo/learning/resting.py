@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mimo.learning import rewards
 from mimo.learning.experience import Experience
 from mimo.record import streams
 from mimo.settings.params import Params
@@ -23,7 +24,8 @@ class Rest:
     Attributes:
         action: (steps, worlds, 12) bool, True where the joint moved.
         path_length: (steps, worlds) m travelled by the mobile, float32.
-        latent: (steps + 1, worlds, latent) float32, h at the start and after each step.
+        latent: (worlds, steps * frames + 1, latent) float32, h at the start and at each picture of each step, as many
+            as all rewards together need.
     """
 
     action: np.ndarray
@@ -49,16 +51,17 @@ def record(params: Params, trained: Trained, progress: Callable[[int], None] = l
     )
     built = scene.build(params.world, params.protocol)
     action, path_length = np.empty((steps, worlds, JOINTS), bool), np.empty((steps, worlds), np.float32)
-    latent = np.empty((steps + 1, worlds, params.encoder.latent), np.float32)
+    frames = rewards.frames(rewards.parts("_".join(rewards.REWARDS), params.rewards))
+    latent = np.empty((worlds, steps * frames + 1, params.encoder.latent), np.float32)
     probability = resting_probability(params.agent)
     with Eye(built) as eye:
         acting = Worlds(built, params.protocol, params.conditions.free.force, noise)
-        experience = Experience(acting, eye, Extractor(params.encoder, trained))
-        latent[0] = experience.perception.latent
+        experience = Experience(acting, eye, Extractor(params.encoder, trained), frames=frames)
         for step in range(steps):
             chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
             action[step] = chance[0] < probability
             _, found = experience.step(action[step], chance[1] < 0.5, attached=True)
-            path_length[step], latent[step + 1] = found.path_length, found.latent
+            path_length[step] = found.path_length
+            latent[:, step * frames : (step + 1) * frames + 1] = found.latents
             progress((step + 1) * worlds)
     return Rest(action, path_length, latent)

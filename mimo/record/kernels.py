@@ -91,6 +91,7 @@ def checked(name: str, given: Array, shape: tuple[int, ...], dtype: Any) -> Arra
     Raises:
         ValueError: it has another shape or type.
     """
+    given = np.asarray(given)
     if given.shape != shape or given.dtype != dtype:
         raise ValueError(f"{name} must be {shape} of {np.dtype(dtype)}; it is {given.shape} of {given.dtype}.")
     return np.ascontiguousarray(given)

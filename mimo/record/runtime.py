@@ -49,7 +49,8 @@ FINGERPRINTS = {("numpy", "2.4.6"): "0d8b041a6d88fc35", ("torch", "2.13.0"): "bd
 # segmentation fault; before, all is well. torch's CUDA build brings triton, and loads it with its first optimiser.
 BEFORE_GL = ("triton",)
 # Variables by which MuJoCo, PyOpenGL, EGL and Mesa choose what draws; where nothing does, one of them may be why.
-CHOOSING = ("MUJOCO_GL", "MUJOCO_EGL_DEVICE_ID", "PYOPENGL_PLATFORM", "EGL_", "__EGL_", "LIBGL_", "MESA_", "GALLIUM_")
+CHOOSING = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID", "__EGL_VENDOR_LIBRARY_FILENAMES",
+            "__EGL_VENDOR_LIBRARY_DIRS", "LIBGL_DRIVERS_PATH", "GALLIUM_DRIVER")  # fmt: skip
 PACKAGES = ("libegl1", "libgl1-mesa-dri")  # Debian's: EGL itself, and Mesa's drivers behind it
 
 
@@ -72,7 +73,7 @@ def prepare() -> None:
         for name, value in ENVIRONMENT.items():
             if not os.environ.get(name):
                 os.environ[name] = value
-        if os.environ["MUJOCO_GL"] != "egl":
+        if os.environ["MUJOCO_GL"].strip().lower() != "egl":
             _load()
 
 
@@ -211,6 +212,8 @@ def _own_thread() -> Iterator[None]:
     try:
         yield
     except Exception as fault:  # PyOpenGL's, of the driver
+        if "EGL_BAD_ACCESS" not in str(fault):
+            raise
         raise RenderError(
             f"This thread cannot draw ({_said(fault)}): what draws belongs to the thread that drew first, so let each "
             "thread make, reset, step and close an environment of its own."
@@ -224,7 +227,7 @@ def _said(fault: Exception) -> str:
 
 def chosen() -> str:
     """What is set in the environment that chooses another way to draw, as `NAME=value NAME=value`; empty if nothing."""
-    found = {name: value for name, value in os.environ.items() if name.startswith(CHOOSING) and value != "egl"}
+    found = {name: value for name in CHOOSING if (value := os.environ.get(name, "")) and value.strip().lower() != "egl"}
     if found.get("PYOPENGL_PLATFORM") == os.environ.get("MUJOCO_GL"):
         found.pop("PYOPENGL_PLATFORM", None)  # MuJoCo's doing
     return " ".join(f"{name}={value}" for name, value in found.items())

@@ -1,22 +1,19 @@
-"""From recorded runs to curves, from curves to figures' lines and tables' numbers: plain numpy, no files.
+"""From recorded runs to the curves, and stretches of steps, that claims are judged by: plain numpy, no files.
 
 A run's joints form two groups: the three of the limb that the rope holds (`attached`) and the other nine (`others`).
 Steps are agent steps; slices count them from 0.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from mimo.world.protocol import MOVE, PHASES
+from mimo.world.protocol import MOVE, NO_TORQUE, PHASES
 
 GROUPS = ("attached", "others")
-ACRONYMS = ("mtl", "rtl", "cais")
-# The windows of tables.
-TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")
 LATE = 300  # steps: what counts as early and as late in a phase
 MINUTE = 100  # steps of 0.6 s
+LOCKED = 0.02  # P(MOVE) of a joint that is all but certain to rest, or within so much of 1, to move
 
 Array = np.ndarray
 
@@ -28,11 +25,11 @@ def phases(baseline: int, attached: int, extinction: int) -> dict[str, slice]:
 
 
 def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
-    """The stretches of steps over which tables and claims take means.
+    """The stretches of steps over which claims and tables take means.
 
-    The attached phase, and `baseline`, are whole phases. Late is a phase's last LATE steps, early acquisition the first
-    LATE. Start and end are a phase's first and last MINUTE steps; extinction's start is its early part, where a burst
-    would be. Of a short phase, half.
+    `baseline`, `attached` and `extinction` are whole phases. Late is a phase's last LATE steps, early acquisition the
+    first LATE. Start and end are a phase's first and last MINUTE steps; extinction's start is its early part, where a
+    burst would be. Of a short phase, half.
     """
     baseline, attached, extinction = (phases[name] for name in PHASES)
     return {
@@ -44,14 +41,10 @@ def windows(phases: Mapping[str, slice]) -> dict[str, slice]:
         "acquisition_early": _first(attached, LATE),
         "acquisition_late": _last(attached, LATE),
         "acquisition_end": _last(attached, MINUTE),
+        "extinction": extinction,
         "extinction_early": _first(extinction, MINUTE),
         "extinction_late": _last(extinction, LATE),
     }
-
-
-def label(reward: str) -> str:
-    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
-    return " + ".join(part.upper() if part in ACRONYMS else part.capitalize() for part in reward.split("_"))
 
 
 def _first(phase: slice, steps: int) -> slice:
@@ -66,28 +59,33 @@ def _share(phase: slice, steps: int) -> int:
     return max(1, min(steps, int(phase.stop - phase.start) // 2))
 
 
-def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: str) -> dict[str, Array]:
+def curves(
+    record: Mapping[str, Array], limbs: Mapping[str, Array], attached: str, temperature: float
+) -> dict[str, Array]:
     """What becomes of one run, step by step.
 
     Args:
         record: a run's arrays by name, as mimo.learning.experiment records them.
         limbs: (12,) bool by limb's name: its joints.
         attached: name of the limb that the rope holds.
+        temperature: of the policy, paper eq. policy. Values of Q are given in temperatures: one more for MOVE is one
+            more of P(MOVE)'s log odds, whatever the rewards' gain.
 
     Returns:
-        (step,) float32 by name. `reward`, `q_move`, `q_advantage` (Q(MOVE) - Q(NO_TORQUE)), `move_probability`, each
+        (step,) float32 by name. `reward`, `q_move` and `q_rest` (Q of MOVE and NO_TORQUE), `move_probability`, each
         `part/<reward>` in its own units and, where it was recorded, `influence` (of MOVE) end in `/attached` or
-        `/others`, a mean over joints; `reward/all` is the mean over all twelve. `limb/<name>` is P(MOVE) of each limb.
-        `path_length` (m) and `latent_length` (h) are the mobile's and the latent's; `displacement` (m) is the mobile's
-        straight way from the end of one step to that of the next (0 at the first).
+        `/others`, a mean over joints; `reward/all` is the mean over all twelve. `limb/<name>` is P(MOVE) of each limb,
+        `moved/<name>` the share of its joints that moved. `locked` is the share of all joints whose P(MOVE) is within
+        LOCKED of 0 or 1. `path_length` (m) and `latent_length` (h) are the mobile's and the latent's; `displacement`
+        (m) is the mobile's straight way from the end of one step to that of the next (0 at the first).
     """
     joints = {"attached": limbs[attached], "others": ~limbs[attached]}
-    q = record["q"]
+    q, p = record["q"] / temperature, record["move_probability"]
     grouped = {
         "reward": record["reward"],
         "q_move": q[..., MOVE],
-        "q_advantage": q[..., MOVE] - q[..., 1 - MOVE],
-        "move_probability": record["move_probability"],
+        "q_rest": q[..., NO_TORQUE],
+        "move_probability": p,
     }
     grouped |= {name: values for name, values in record.items() if name == "influence" or name.startswith("part/")}
     made = {
@@ -96,98 +94,11 @@ def curves(record: Mapping[str, Array], limbs: Mapping[str, Array], attached: st
         for group, mask in joints.items()
     }
     made["reward/all"] = record["reward"].mean(axis=1, dtype=np.float64)
+    made["locked"] = (np.abs(p - 0.5) > 0.5 - LOCKED).mean(axis=1)
     for limb, mask in limbs.items():
-        made[f"limb/{limb}"] = record["move_probability"][:, mask].mean(axis=1, dtype=np.float64)
+        made[f"limb/{limb}"] = p[:, mask].mean(axis=1, dtype=np.float64)
+        made[f"moved/{limb}"] = record["action"][:, mask].mean(axis=1, dtype=np.float64)
     made |= {name: record[name] for name in ("path_length", "latent_length")}
     ends = record["centre_of_mass"].astype(np.float64)
     made["displacement"] = np.linalg.norm(np.diff(ends, axis=0, prepend=ends[:1]), axis=1)
     return {name: values.astype(np.float32) for name, values in made.items()}
-
-
-def window(phases: Mapping[str, slice]) -> int:
-    """Steps that figures smooth over: a hundredth of a run, 25 in the paper's protocol."""
-    return max(1, int(phases["extinction"].stop) // 100)
-
-
-def smooth(values: Array, phases: Mapping[str, slice], width: int) -> Array:
-    """Centred moving average over `width` steps, the last axis; near a phase's border only its own steps count."""
-    out = np.empty(values.shape, np.float64)
-    before, after = (width - 1) // 2, width // 2
-    for phase in phases.values():
-        total = np.cumsum(values[..., phase], axis=-1, dtype=np.float64)
-        total = np.concatenate([np.zeros((*total.shape[:-1], 1)), total], axis=-1)
-        here = np.arange(phase.stop - phase.start)
-        first, last = np.maximum(here - before, 0), np.minimum(here + after + 1, len(here))
-        out[..., phase] = (total[..., last] - total[..., first]) / (last - first)
-    return out
-
-
-def blocks(values: Array, phases: Mapping[str, slice], width: int) -> tuple[Array, Array]:
-    """Means over blocks of `width` steps, the last axis; a phase's last block may be shorter.
-
-    Returns:
-        (block,) the mean of each block's steps, counted from 1, and (..., block) its means.
-    """
-    starts = np.concatenate([np.arange(phase.start, phase.stop, width) for phase in phases.values()])
-    lengths = np.diff(starts, append=phases["extinction"].stop)
-    means = np.add.reduceat(values.astype(np.float64), starts, axis=-1) / lengths
-    return starts + (lengths + 1) / 2, means
-
-
-def mean_sd(values: Array) -> tuple[Array, Array]:
-    """Mean and SD (n - 1) over the first axis, the seeds; one seed has no SD: NaN."""
-    values = np.asarray(values, np.float64)
-    sd = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(values.shape[1:], np.nan)
-    return values.mean(axis=0), sd
-
-
-def most_active(move_probability: Mapping[str, Array], attached: str) -> Array:
-    """(seed,) bool: whether the attached limb's P(MOVE) exceeds every other limb's.
-
-    Args:
-        move_probability: (seed,) by limb's name.
-        attached: name of the limb that the rope holds.
-    """
-    return np.asarray(
-        np.all([move_probability[attached] > p for limb, p in move_probability.items() if limb != attached], axis=0)
-    )
-
-
-def cell(stacked: Mapping[str, Array], windows: Mapping[str, slice], attached: str) -> dict[str, Any]:
-    """The numbers of one condition and reward.
-
-    Args:
-        stacked: (seed, step) by name, as `curves` names them.
-        windows: stretches of steps by name.
-        attached: name of the limb that the rope holds.
-
-    Returns:
-        `reward`, `move_probability` and, where recorded, `influence`: for each window the mean and SD over seeds of the
-        attached limb, of the others and of their difference. `rise`: what P(MOVE)'s difference gained from baseline to
-        late acquisition. `most_active`: in how many of the `seeds` the attached limb moved most in late acquisition.
-    """
-    over = {name: values.astype(np.float64) for name, values in stacked.items()}
-    found: dict[str, Any] = {}
-    for curve in ("move_probability", "reward", "influence"):
-        if f"{curve}/attached" not in over:
-            continue
-        found[curve] = {}
-        for name in TABLED:
-            steps = windows[name]
-            limb, others = (over[f"{curve}/{group}"][:, steps].mean(axis=1) for group in GROUPS)
-            groups = {"attached": limb, "others": others, "difference": limb - others}
-            found[curve][name] = {group: _spread(values) for group, values in groups.items()}
-    difference = over["move_probability/attached"] - over["move_probability/others"]
-    before, late = windows["baseline"], windows["acquisition_late"]
-    found["rise"] = _spread(difference[:, late].mean(axis=1) - difference[:, before].mean(axis=1))
-    limbs = {
-        name.removeprefix("limb/"): p[:, late].mean(axis=1) for name, p in over.items() if name.startswith("limb/")
-    }
-    found["most_active"] = int(most_active(limbs, attached).sum())
-    found["seeds"] = len(difference)
-    return found
-
-
-def _spread(values: Array) -> dict[str, float | None]:
-    mean, sd = mean_sd(values)
-    return {"mean": float(mean), "sd": None if np.isnan(sd) else float(sd)}

@@ -98,6 +98,7 @@ class Agent(Section):
     gamma: Annotated[float, Field(ge=0, lt=1)]
     temperature: Factor
     move_bias: float
+    bias_in_target: bool
 
     @model_validator(mode="after")
     def _explores(self) -> "Agent":
@@ -114,7 +115,10 @@ class Outcomes(Section):
     kappa: Factor
     learning_rate: Rate
     batch: Annotated[int, Field(gt=0, le=64)]
+    batches: Literal["own", "shared"]
     memory: Annotated[int, Field(gt=0, le=20_000)]
+    marginal: Literal["table", "policy"]
+    start: Literal["detached", "zero"]
 
 
 class Calibrate(Section):
@@ -194,6 +198,9 @@ class Params(Section):
             raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
         if not 0 < round(self.collect.steps * (1 - self.collect.held_out)) < self.collect.steps:
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
+        for name, kind in REWARDS.items():
+            if kind.Constants and kind(getattr(self.rewards, name)).frames > self.protocol.updates_per_step:
+                raise ValueError(f"rewards.{name} must need no more pictures of a step than protocol.updates_per_step")
         reward, _, seed = self.film.run.partition("/seed-")
         if reward not in self.sweep.rewards or int(seed) >= self.sweep.seeds:
             raise ValueError(f"film.run must be one of the runs of sweep; it is {shown(self.film.run)}")

@@ -99,7 +99,7 @@ def train(
 
     Args:
         settings: `encoder` of params.yaml.
-        pairs: (pairs, 2, 128, 128, 3) uint8 frames.
+        pairs: (groups, pairs, 2, 128, 128, 3) uint8 frames; they are trained on together, and h is measured in each.
         generator: draws initial weights and batches.
         progress: called with the number of iterations done.
 
@@ -108,6 +108,7 @@ def train(
         KernelError: see runtime.check.
     """
     runtime.check("numpy", "torch")
+    groups, pairs = len(pairs), pairs.reshape(-1, *pairs.shape[2:])
     torch.set_num_threads(THREADS)
     torch.manual_seed(int(generator.integers(2**31)))
     net = UNet(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # as frames come: x .75
@@ -129,9 +130,9 @@ def train(
     weights = {name: tensor.detach().numpy().copy(order="C") for name, tensor in net.state_dict().items()}
     raw = inference.raw(inference.layers(weights), pairs.reshape(-1, *pairs.shape[2:]))
     mean, sd = raw.mean(axis=0), raw.std(axis=0)
-    scaled = (raw - mean) / sd * settings.latent_sd
-    quantiles = np.quantile(scaled, LEVELS, axis=0).T.astype(np.float32)
-    return Trained(weights, mean, sd, np.ascontiguousarray(quantiles), curves[:, 0].copy(), curves[:, 1].copy())
+    scaled = ((raw - mean) / sd * settings.latent_sd).reshape(groups, -1, settings.latent)
+    quantiles = np.moveaxis(np.quantile(scaled, LEVELS, axis=1), 0, -1).astype(np.float32, order="C")
+    return Trained(weights, mean, sd, quantiles, curves[:, 0].copy(), curves[:, 1].copy())
 
 
 def frozen(settings: params.Encoder, weights: Mapping[str, np.ndarray]) -> UNet:

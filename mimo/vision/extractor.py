@@ -25,7 +25,7 @@ class Trained:
     Attributes:
         weights: every tensor of the U-Net by name.
         mean, sd: (latent,) of raw h over the training frames.
-        quantiles: (latent, 99) of the scaled h over the training frames, at LEVELS.
+        quantiles: (group, latent, 99) of the scaled h over each group of training frames, at LEVELS.
         reconstruction, cltt: (iterations,) losses of each training batch.
     """
 
@@ -47,7 +47,9 @@ class Extractor:
         runtime.check("numpy")
         kernels.check()
         self._layers = inference.layers(trained.weights)
-        self._mean, self._gain = trained.mean, np.float32(settings.latent_sd) / trained.sd
+        shape = (settings.latent,)
+        self._mean, sd = (kernels.checked(name, getattr(trained, name), shape, np.float32) for name in ("mean", "sd"))
+        self._gain = np.float32(settings.latent_sd) / sd
 
     def __call__(self, frames: np.ndarray) -> np.ndarray:
         """(N, 128, 128, 3) uint8 frames to h (N, latent) float32.
@@ -65,7 +67,7 @@ def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str,
     datasets |= {
         "latent/mean": artifact.Dataset(trained.mean, "1", "dimension"),
         "latent/sd": artifact.Dataset(trained.sd, "1", "dimension"),
-        "latent/quantiles": artifact.Dataset(trained.quantiles, "SD", "dimension, level"),
+        "latent/quantiles": artifact.Dataset(trained.quantiles, "h", "group, dimension, level"),
         "curves/reconstruction": artifact.Dataset(trained.reconstruction, "squared intensity", "iteration"),
         "curves/cltt": artifact.Dataset(trained.cltt, "nat", "iteration"),
     }

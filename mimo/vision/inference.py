@@ -19,10 +19,26 @@ Layers = tuple[tuple[Array, ...], ...]
 
 
 def layers(weights: Mapping[str, Array]) -> Layers:
-    """What `raw` reads of a U-Net's weights: copies of the layers' filters, biases, gains, shifts; `squeeze`'s two."""
-    names = ("0.weight", "0.bias", "1.weight", "1.bias")
-    down = (tuple(np.array(weights[f"down.{k}.{name}"], order="C") for k in range(LAYERS)) for name in names)
-    return (*down, (np.array(weights["squeeze.weight"].T, order="C"), np.array(weights["squeeze.bias"])))
+    """What `raw` reads of a U-Net's weights: copies of the layers' filters, biases, gains, shifts; `squeeze`'s two.
+
+    Raises:
+        ValueError: weights that do not fit each other.
+    """
+    found: list[tuple[Array, ...]] = []
+    inputs = 3
+    for k in range(LAYERS):
+        outputs = len(weights[f"down.{k}.0.weight"])
+        shapes = {"0.weight": (outputs, inputs, 3, 3)} | dict.fromkeys(("0.bias", "1.weight", "1.bias"), (outputs,))
+        found.append(tuple(_copied(weights, f"down.{k}.{name}", shape) for name, shape in shapes.items()))
+        inputs = outputs
+    latent, places = np.shape(weights["squeeze.weight"])
+    side = math.isqrt(places // inputs)
+    squeeze = _copied(weights, "squeeze.weight", (latent, inputs * side**2))
+    return (*zip(*found, strict=True), (np.ascontiguousarray(squeeze.T), _copied(weights, "squeeze.bias", (latent,))))
+
+
+def _copied(weights: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array:
+    return checked(name, weights[name], shape, np.float32).copy()
 
 
 def raw(given: Layers, frames: Array) -> Array:

@@ -13,6 +13,7 @@ from mujoco import batch
 from mimo.settings.errors import Fault
 from mimo.settings.params import Protocol
 from mimo.world import body
+from mimo.world.protocol import JOINTS
 from mimo.world.scene import Scene
 
 
@@ -108,8 +109,26 @@ class Worlds:
         for piece in np.split(self._control(moved, positive), cuts, axis=1):
             yield self._advance(piece, attached)
 
+    def parts(self, moved: np.ndarray, positive: np.ndarray, attached: bool, count: int) -> Iterator[Outcome]:
+        """One agent step as `step` makes it, in `count` parts as even as whole updates are.
+
+        Args:
+            moved: (N, 12) bool, MOVE or not, for body.ACTUATED.
+            positive: (N, 12) bool, the torques' directions.
+            attached: whether the rope is on.
+            count: at most as many as there are updates.
+
+        Raises:
+            DivergedError: a world's physics diverged.
+        """
+        ends = np.arange(1, count) * self._protocol.updates_per_step // count
+        return self.pieces(moved, positive, attached, ends.tolist())
+
     def _control(self, moved: np.ndarray, positive: np.ndarray) -> np.ndarray:
         """(N, updates_per_step, columns) inputs of one agent step: torques, and the noise of every update."""
+        for name, given in (("moved", moved), ("positive", positive)):
+            if given.shape != (self.size, JOINTS):
+                raise ValueError(f"{name} must be {(self.size, JOINTS)}, a joint of each world; it is {given.shape}.")
         protocol = self._protocol
         lowest, highest = self.scene.model.actuator_ctrlrange.T
         torque = np.where(moved, np.where(positive, highest, lowest), 0.0)

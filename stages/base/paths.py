@@ -7,6 +7,8 @@ from pathlib import Path
 from mimo.settings.errors import Fault
 
 PARAMS = Path("params.yaml")
+READINGS = Path("docs/readings.md")
+REGISTERED = Path("reports/registered.json")
 
 FRAMES = Path("data/frames.h5")
 ENCODER = Path("data/encoder.h5")

@@ -27,15 +27,17 @@ def note(schema: str, digest: str, where: dict[str, Any] | None = None) -> None:
 
 
 def lines(start: int = 0) -> list[dict[str, Any]]:
-    """What was noted from byte `start` on, for any folder; a line that was cut short is passed over."""
+    """What was noted from byte `start` on, for any folder; a line that was cut short, or is none, is passed over."""
     if not paths.provenance().exists():
         return []
     found = []
     for line in paths.provenance().read_bytes()[start:].decode(errors="replace").splitlines():
         try:
-            found.append(json.loads(line))
+            noted = json.loads(line)
         except ValueError:
             continue
+        if isinstance(noted, dict):
+            found.append(noted)
     return found
 
 

@@ -13,9 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 from mimo.settings.errors import Fault
-from stages.base import command, dvc, overlay
+from stages.base import command, dvc, overlay, paths
 
 FOLDER = Path(".work/preview")
+REGISTERED = PurePosixPath(paths.REGISTERED)  # beside the results, but none
 MARK = ".preview"  # lies in every folder made here; no other folder is ever written to
 RESULTS = {"data", "reports", "dvc.lock", "studies/dvc.lock"}  # never copied: the preview makes its own
 # What stays between calls, so that a second preview is quick.
@@ -48,7 +49,8 @@ def prepare(source: Path, folder: Path) -> None:
     wanted = {
         path
         for path in project_files(source)
-        if not _among(path, KEPT) and not (source / path).resolve().is_relative_to(folder.resolve())
+        if (path == REGISTERED or not _among(path, KEPT))
+        and not (source / path).resolve().is_relative_to(folder.resolve())
     }
     for path in wanted:
         _copy(source / path, folder / path)
@@ -68,7 +70,7 @@ def project_files(source: Path) -> set[PurePosixPath]:
             check=True,
         )
     except (OSError, subprocess.CalledProcessError):
-        found = {PurePosixPath(path.relative_to(source)) for path in _walk(source, NO_GIT)}
+        found = {PurePosixPath(path.relative_to(source)) for path in _walk(source, NO_GIT)} | {REGISTERED}
     else:
         found = {PurePosixPath(name) for name in listed.stdout.split("\0") if name}
     return {path for path in found if (source / path).is_file()}

@@ -8,14 +8,17 @@ import sys
 from typing import Any
 
 from mimo.record import artifact
-from stages import catalogue
+from mimo.settings import params
+from stages import catalogue, claims
 from stages.base import command, console, paths, provenance
 
 
 def main() -> None:
     """Say on which machines, and from when to when, the published artifacts were made."""
     command.parser("publish", __doc__, "make publish").parse_args()
-    last = {line["digest"]: line for line in provenance.lines()}  # the last time each was computed
+    noted = provenance.lines()
+    last = {line["digest"]: line for line in noted}  # the last time each was computed
+    first = {line["digest"]: line["at"] for line in reversed(noted)}
     published = set()
     for path in (paths.ARTIFACTS, paths.STUDIES_ARTIFACTS):
         listed = (
@@ -36,12 +39,14 @@ def main() -> None:
         if own not in machines:
             machines.append(own)
     made: dict[str, dict[str, Any]] = {}
-    for line in sorted(last.values(), key=lambda line: line["at"]):
-        entry = made.setdefault(line["schema"], {"artifacts": 0, "first": line["at"]})
+    for digest, line in last.items():
+        entry = made.setdefault(line["schema"], {"artifacts": 0, "first": first[digest], "last": line["at"]})
         entry["artifacts"] += 1
-        entry["last"] = line["at"]
+        entry["first"], entry["last"] = min(entry["first"], first[digest]), max(entry["last"], line["at"])
     text = json.dumps({"machines": machines, "made": made}, indent=2)
     artifact.publish(f"{text}\n".encode(), paths.PUBLISHED_ON)
+    if told := claims.stale(params.load()):
+        print(told)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from mimo.record import artifact, identity
 from mimo.settings import params
 from mimo.vision import extractor
 from mimo.world import body
-from stages import catalogue, trial
+from stages import catalogue, claims, trial
 from stages import encoder as training
 from stages.base import command, console, difference, paths, provenance, store
 from stages.sweep import crew, curves, sweep
@@ -45,6 +45,8 @@ def main() -> None:
         told = compared(path, artifact.from_bytes(data, listed[path]["schema"]), listed[path]["content"], same_class)
         print(f"{path}: {told or 'the published bytes'}.")
         faults += [path] if told and not told.startswith(WITHIN) else []
+    if told := claims.stale(p):
+        print(told)
     if faults:
         raise console.StageError(f"{len(faults)} of {len(found)} artifacts are not the published ones.")
     print(f"OK: {len(found)} artifacts computed again.")

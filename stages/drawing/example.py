@@ -16,6 +16,7 @@ from mimo.record import artifact, streams
 from mimo.settings import params
 from mimo.vision import collect, extractor
 from mimo.world import body
+from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 from mimo.world.scene import Scene
 
@@ -66,16 +67,18 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
     limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
     step = 1 + int(limb.argmax())  # the first has no frame before it
     trained = extractor.load(held)
-    outcomes = untaught(p, trained, [streams.generator(p.seed, CONDITION, 0, "memory")])
+    outcomes = untaught(p, trained, CONDITION, [streams.generator(p.seed, CONDITION, 0, "memory")])
     perception = Perception(extractor.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
+    resting = np.full((1, len(body.ACTUATED)), collect.resting_probability(p.agent), np.float32)
     for world, end in ends:
-        perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:])
+        perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:], resting)
     conditional, marginal = outcomes.conditional[0].copy(), outcomes.marginal[0].copy()
-    path = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1])
+    terms = rewards.parts("_".join(rewards.REWARDS), p.rewards)
+    path, before_end = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1], rewards.frames(terms))
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)
-    transition = perception.transition(moved[:1, step], length, own[0, step, 1:])
+    transition = perception.transition(moved[:1, step], length, own[0, step, 1:], resting, before_end)
     return Example(
         step=step,
         learned=len(ends),
@@ -85,7 +88,7 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
         conditional=conditional,
         marginal=marginal,
         levels=taus(p.outcomes.quantiles),
-        rewards={part.name: part(transition)[0] for part in rewards.parts("_".join(rewards.REWARDS), p.rewards)},
+        rewards={term.name: term(transition)[0] for term in terms},
     )
 
 
@@ -95,20 +98,28 @@ def _draws(p: params.Params, world: int, steps: int) -> np.ndarray:
     return np.stack([generator.random((2, len(body.ACTUATED))) for _ in range(steps)])
 
 
-def _path(p: params.Params, built: Scene, moved: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """World 0 from its start on; of its last step the mobile's place after every update.
+def _path(
+    p: params.Params, built: Scene, moved: np.ndarray, positive: np.ndarray, pictures: int
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """World 0 from its start on; of its last step the mobile's place after every update, and all frames but the last.
 
     Args:
         p: see `take`.
         built: the scene.
         moved: (1, steps, 12) bool.
         positive: (1, steps, 12) bool, the torques' directions.
+        pictures: how many the rewards need of a step.
     """
     noise = streams.generator(p.seed, CONDITION, int(ROPE), "collect_noise")
     worlds = Worlds(built, p.protocol, getattr(p.conditions, CONDITION).force, [noise])
     for step in range(moved.shape[1] - 1):
         worlds.step(moved[:, step], positive[:, step], ROPE)
-    path = [worlds.centre_of_mass]
-    cuts = range(1, p.protocol.updates_per_step)
-    path += [outcome.centre_of_mass for outcome in worlds.pieces(moved[:, -1], positive[:, -1], ROPE, cuts)]
-    return np.concatenate(path)
+    path, seen = [worlds.centre_of_mass], []
+    updates = p.protocol.updates_per_step
+    looks = {count * updates // pictures for count in range(1, pictures)}
+    with Eye(built) as eye:
+        for update, outcome in enumerate(worlds.pieces(moved[:, -1], positive[:, -1], ROPE, range(1, updates)), 1):
+            path.append(outcome.centre_of_mass)
+            if update in looks:
+                seen.append(eye.frames(worlds.qpos))
+    return np.concatenate(path), seen

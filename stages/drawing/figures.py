@@ -15,11 +15,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from mimo.record import artifact
-from mimo.science import analysis
+from mimo.science import analysis, summary
 from mimo.settings import params
 from mimo.vision import collect, encoder, extractor
 from mimo.world import scene
-from stages.drawing import example, schematics, taxonomy
+from stages.drawing import burst, example, schematics, taxonomy
 from stages.drawing.style import (
     COLOURS,
     DASHES,
@@ -53,10 +53,11 @@ PANELS = (  # title, axis, curve, groups of joints, rewards: the captions of the
 )
 AXES = {
     "reward": "Reward as paid (scaled units)",
-    "q_move": "Q(MOVE) (scaled units)",
+    "q_move": "Q(MOVE) / temperature",
     "move_probability": "P(MOVE)",
     "influence": "Influence of MOVE: W1 (h)",
 }
+BEHAVIOUR, APART = ("q_move", "move_probability"), 0.25  # curves, and share of locked joints, with a line for each seed
 METADATA: dict[str, Any] = {  # by kind of file: without date or version, so that the same data give the same bytes
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -81,6 +82,7 @@ def plan(
         "fig1": lambda: schematics.setting(p, built, frames[roped, 0, 0, 0]),
         "fig2": lambda: taxonomy.rewards(p, example.take(p, held, frames, built)),
         "fig5": lambda: schematics.network(p),
+        "burst": partial(burst.draw, results, _conditions(results)),
         "p_move": partial(_multiples, results, "move_probability"),
         "encoder": partial(_encoder, held),
         "reconstructions": partial(_reconstructions, p, held, frames),
@@ -135,7 +137,7 @@ def _paper_figure(results: artifact.Artifact, condition: str, title: str) -> Fig
         strips = _stack(figure, (x + 14, top - 10), 71, 51, len(rewards))
         for strip, reward in zip(strips, rewards, strict=True):
             _strip(strip, results, (condition, reward, curve), groups)
-            strip.text(0, 1.03, analysis.label(reward), transform=strip.transAxes)
+            strip.text(0, 1.03, summary.label(reward), transform=strip.transAxes)
         _name_phases(strips[0], phases_of(results), 11.5)
         note(ax, (x + 3, top - 35), AXES[curve], rotation=90)
         note(ax, (x + 14 + 71 / 2, top - 67.5), "agent step")
@@ -167,7 +169,7 @@ def _multiples(results: artifact.Artifact, curve: str) -> Figure:
         note(ax, (middle, 8.5), "agent step")
     for strip, reward in zip(grid[0], rewards, strict=True):
         middle = float(strip.get_position().intervaly.mean()) * (height + 29)
-        note(ax, (5, middle), analysis.label(reward).replace(" + ", "\n+ "), rotation=90)
+        note(ax, (5, middle), summary.label(reward).replace(" + ", "\n+ "), rotation=90)
     _legend(ax, "attached limb")
     return figure
 
@@ -187,7 +189,10 @@ def _stack(figure: Figure, corner: Place, width: float, height: float, count: in
 
 
 def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], groups: Sequence[str]) -> None:
-    """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border."""
+    """Mean over seeds with a band of 1 SD, for each group of joints; a line breaks at a phase's border.
+
+    Where a mean hides joints that always move and others that always rest, each seed of the first group is a thin line.
+    """
     phases = phases_of(results)
     roped = phases["attached"]
     ax.axvspan(roped.start + 0.5, roped.stop + 0.5, color=GROUND, lw=0, zorder=0)
@@ -199,16 +204,29 @@ def _strip(ax: Axes, results: artifact.Artifact, which: tuple[str, str, str], gr
         ax.tick_params(left=False, labelleft=False)
         ax.text(0.5, 0.5, "not in this sweep", transform=ax.transAxes, ha="center", va="center", color=OTHER_COLOUR)
         return
-    width = analysis.window(phases)
+    width = summary.window(phases)
+    own = results[f"{condition}/{reward}/{curve}/{groups[0]}"]
+    if curve in BEHAVIOUR and _locked(results, f"{condition}/{reward}/locked", phases) >= APART:
+        for line in summary.smooth(own, phases, width):
+            for phase in phases.values():
+                shown = np.arange(phase.start, phase.stop, width)
+                ax.plot(shown + 1, line[shown], color=colour, lw=0.3, alpha=0.6)
     for group in groups:
-        smooth = analysis.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
-        mean, sd = analysis.mean_sd(smooth)
+        smooth = summary.smooth(results[f"{condition}/{reward}/{curve}/{group}"], phases, width)
+        mean, sd = summary.mean_sd(smooth)
         for phase in phases.values():
             # A third of the window apart nothing is lost, and the files stay small.
             shown = np.unique(np.append(np.arange(phase.start, phase.stop, max(1, width // 3)), phase.stop - 1))
             x, m, s = shown + 1, mean[shown], np.nan_to_num(sd[shown])
             ax.fill_between(x, m - s, m + s, color=colour, alpha=0.2, lw=0)
             ax.plot(x, m, color=colour, ls=DASHES[group])
+
+
+def _locked(results: artifact.Artifact, name: str, phases: Mapping[str, slice]) -> float:
+    """Share of locked joints late in the phase in which it is greatest."""
+    windows = analysis.windows(phases)
+    late = [windows[window] for window in ("baseline_late", "acquisition_late", "extinction_late")]
+    return max(float(results[name][:, window].mean()) for window in late)
 
 
 def _name_phases(ax: Axes, phases: Mapping[str, slice], above: float) -> None:
@@ -219,7 +237,7 @@ def _name_phases(ax: Axes, phases: Mapping[str, slice], above: float) -> None:
 
 
 def _legend_text(results: artifact.Artifact) -> str:
-    seeds, width = int(results.about["seeds"]), analysis.window(phases_of(results))
+    seeds, width = int(results.about["seeds"]), summary.window(phases_of(results))
     many = "n = 1 seed" if seeds == 1 else f"n = {seeds} seeds; line: mean, shaded: ±1 SD over seeds"
     return many if width == 1 else f"{many}; moving average over {width} steps"
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from mimo.learning import network as layers
 from mimo.learning.rewards import REWARDS
-from mimo.science import analysis
+from mimo.science import summary
 from mimo.settings import params
 from mimo.world import body, eye
 from mimo.world.protocol import ACTIONS, JOINTS, PHASES, steps
@@ -86,7 +86,7 @@ def _loop(ax: Axes, p: params.Params) -> None:
     box(ax, (149, middle), (20, 2 * half), "")
     note(ax, (149, middle + half - 3), "Reward", fontsize=7)
     for row, reward in enumerate(REWARDS):
-        note(ax, (149, middle + half - 7.5 - 4 * row), analysis.label(reward), color=COLOURS.get(reward, OTHER_COLOUR))
+        note(ax, (149, middle + half - 7.5 - 4 * row), summary.label(reward), color=COLOURS.get(reward, OTHER_COLOUR))
     arrow(ax, (149, middle - half), (149, bottom))
     note(ax, (150, middle - half - 6), f"$R_t$ ({JOINTS})", ha="left")
     arrow(ax, (171, bottom), (171, top))

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
 
 from mimo.record.artifact import Artifact
-from mimo.science import analysis
+from mimo.science import analysis, summary
 from mimo.world import body
 from stages.drawing.style import COLOURS, DASHES, GROUND, OTHER_COLOUR, STYLE
 
@@ -56,10 +56,11 @@ class Sheet:
     def __init__(self, run: Artifact, phases: dict[str, slice], width: int) -> None:
         self._unit, self._phases, self._limb = width // ACROSS, phases, str(run.about["limb"])
         self._title = f"{str(run.about['condition']).capitalize()} mobile"
-        self._reward = f"reward: {analysis.label(str(run.about['reward']))}"
+        self._reward = f"reward: {summary.label(str(run.about['reward']))}"
         self.colour = COLOURS.get(str(run.about["reward"]), OTHER_COLOUR)
         record = {name: dataset.values for name, dataset in run.datasets.items()}
-        curves = analysis.curves(record, {limb: body.attached(limb) for limb in body.LIMB_JOINTS}, self._limb)
+        limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
+        curves = analysis.curves(record, limbs, self._limb, temperature=1)  # Q is not among PANELS
         self._panels = []  # heading, how a value is written, curves by group of joints
         for heading, name, factor, form in PANELS:
             groups = {"all": name} if name in curves else {group: f"{name}/{group}" for group in analysis.GROUPS}
@@ -135,7 +136,7 @@ class Sheet:
         rope = self._phases["attached"]
         ax.axvspan(rope.start + 0.5, rope.stop + 0.5, color=GROUND, lw=0, zorder=0)
         for place, (group, values) in enumerate(groups.items()):
-            colour, smooth = self._colour(group), analysis.smooth(values, self._phases, analysis.window(self._phases))
+            colour, smooth = self._colour(group), summary.smooth(values, self._phases, summary.window(self._phases))
             for phase in self._phases.values():
                 ax.plot(np.arange(phase.start, phase.stop) + 1, smooth[phase], color=colour, ls=DASHES[group])
             if number == 0:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mimo.science import analysis
+from mimo.science import summary
 from mimo.settings import params
 from mimo.world import body
 from mimo.world.protocol import MOVE
@@ -144,10 +144,10 @@ def _sums(ax: Axes, lows: Mapping[str, float], shown: Example, joint: int) -> No
         if name in {"cais", "surprise"}:
             number = f"{value:.3g}, for {body.ACTUATED[joint]}"
         ax.text(x, y + 12, f"{formula}\n= {number}", ha="center", va="center", linespacing=1.6)
-        box(ax, (x, y), (22, 8), analysis.label(name), edge=COLOURS[name])
+        box(ax, (x, y), (22, 8), summary.label(name), edge=COLOURS[name])
         if name != "surprise":
             both = f"{name}_surprise"
-            box(ax, (beside, y), (22, 8), analysis.label(both).replace(" + ", "\n+ "), edge=COLOURS[both])
+            box(ax, (beside, y), (22, 8), summary.label(both).replace(" + ", "\n+ "), edge=COLOURS[both])
             arrow(ax, (x + 11, y + 1.5), (beside - 11, y + 1.5))
             arrow(ax, (line, y - 1.5), (beside - 11, y - 1.5))
     start, end = lows["surprise"] + 14, lows["mtl"] + 12.5

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mimo.science import analysis
+from mimo.science import analysis, judgement, summary
 from mimo.settings.params import Params
 from stages.base import console, origin, paths
 from stages.base.numbers import number
@@ -18,8 +18,14 @@ _PANELS = (
     "attached limb against the others. D: Q value of MOVE of the rewards combined with Surprise, likewise. In A and B "
     "the reward is the mean over all twelve joints. Each reward has a strip of its own, since their sizes differ; in "
     "all, {gain:g} is one SD of a single reward under the resting policy, free mobile, rope attached. Q is shown as "
-    "learned, without the bias on MOVE that acting adds. The outcome models behind CAIS and Surprise learn from the "
-    "last {memory} transitions; for as many steps after the rope is gone, some of these were made with it. {seeds}"
+    "learned, in temperatures, without the bias on MOVE that acting adds. {seeds} In D, where at least a quarter of "
+    "all joints are locked, always or never moving, the mean is of two kinds; there each seed has a thin line. What "
+    "may puzzle: (1) CAIS rises in baseline, before there is a rope. All tables start alike, and drift apart by the "
+    "noise that each happens to draw; paid for that, joints move more, until MOVE's table and that of p(h) are drawn "
+    "from nearly the same steps. (2) As the rope comes or goes, CAIS of every limb rises: h lies elsewhere from then "
+    "on, and until all tables have followed, p(h|MOVE) and p(h) are on their way. They learn from the last {memory} "
+    "transitions; for as many steps after the rope is gone, some of these were made with it. (3) Joints that never "
+    "move keep the table of MOVE as it was; their influence is then a measure of its age."
 )
 _PANELS_ALT = (
     "Curves over the steps of a run, the time with the rope shaded, in four panels: rewards in A to C, Q values of "
@@ -83,9 +89,22 @@ CAPTIONS = {  # by file's name, in the page's order
         "Diagram of the agent's network, layer by layer, and of a residual layer.",
         paper=True,
     ),
+    "burst": Caption(
+        "The rope comes, the rope goes",
+        "CAIS with Surprise and without, before and after the rope comes, and before and after "
+        "it goes: reward, Q of both actions in temperatures, and P(MOVE). As Surprise is paid whatever a joint did, "
+        "Q(NO_TORQUE) rises as Q(MOVE) does, and P(MOVE) follows their difference, with the bias on MOVE. Below: how "
+        "much the attached limb's Q(MOVE) and P(MOVE) change as the rope goes, from so many steps before to as many "
+        "after; dots are interquartile means over seeds, shades their {level:g} % intervals. The claims have windows "
+        "of {minute} steps.",
+        "Small panels of curves around the rope's coming and going, in both conditions; below them, the change of "
+        "Q(MOVE) and of P(MOVE) against the window's length.",
+        (_RESULTS,),
+    ),
     "p_move": Caption(
         "Probability of moving",
-        "P(MOVE) of the attached limb's three joints and of the other nine, for every reward and condition. {seeds}",
+        "P(MOVE) of the attached limb's three joints and of the other nine, for every reward and condition. {seeds} "
+        "Where at least a quarter of all joints are locked, each seed has a thin line.",
         "P(MOVE) over the steps of a run, the attached limb against the others, a strip for each reward and condition.",
         (_RESULTS,),
     ),
@@ -93,9 +112,10 @@ CAPTIONS = {  # by file's name, in the page's order
         "Influence of MOVE",
         "Distance between p(h|MOVE) and p(h), per joint, wherever the outcome models were learned: the mean absolute "
         "difference of their tables, over the latent's dimensions. It is the 1-Wasserstein distance where the tables "
-        "hold quantiles; with a Huber threshold above every error, as here, they hold expectiles. CAIS "
-        "pays it only on steps on which the joint moves, so panel C also shows how often that was; this figure does "
-        "not. {seeds}",
+        "hold quantiles; with a Huber threshold above every error, as here, they hold expectiles. CAIS pays it only on "
+        "steps on which the joint moves, so panel C also shows how often that was; this figure does not. Where joints "
+        "never move, the table of MOVE is stale, and this distance is its age rather than an influence: with MTL + "
+        "Surprise in noise, for one. {seeds}",
         "Influence over the steps of a run, the attached limb against the others, a strip for each reward and "
         "condition.",
         (_RESULTS,),
@@ -157,6 +177,8 @@ def figures(metrics: Mapping[str, Any], folder: Path, p: Params) -> list[Shown]:
     """
     said = {
         "gain": p.rewards.gain,
+        "level": 100 * judgement.LEVEL,
+        "minute": analysis.MINUTE,
         "limb": p.protocol.limb.replace("_", " "),
         "memory": p.outcomes.memory,
         "probe": _probe(metrics["encoder"]),
@@ -195,7 +217,7 @@ def _film(path: Path) -> Film:
     heading = f"{path.name.capitalize()} mobile"
     told = origin.read(path.with_suffix(".json"))
     reward, _, seed = told["params"]["film"]["run"].partition("/seed-")
-    run = f"{analysis.label(reward)}, seed {int(seed)}"
+    run = f"{summary.label(reward)}, seed {int(seed)}"
     return Film(heading, run, _beside(path.with_suffix(".mp4")), _beside(path.with_suffix(".png")), told)
 
 

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from markdown_it import MarkdownIt
+from markupsafe import Markup
 
-from mimo.science import analysis
+from mimo.science import analysis, judgement, summary
 from mimo.settings import params
 from mimo.settings import studies as settings
 from mimo.world import body
@@ -32,6 +34,7 @@ PAPER = (  # sections: each has a template of its name
     ("figures", "Figures"),
     ("explore", "Explore"),
     ("results", "Results"),
+    ("readings", "Readings"),
     ("latent", "Encoder and scales"),
     ("joints", "Joints and torques"),
     ("constants", "Constants"),
@@ -79,13 +82,16 @@ def gathered(p: params.Params) -> Made:
     )
 
 
-def index(made: Made, protocol: params.Protocol, constants: list[Constant], versions: dict[str, str]) -> str:
+def index(
+    made: Made, protocol: params.Protocol, constants: list[Constant], readings: Markup, versions: dict[str, str]
+) -> str:
     """The paper's page as HTML.
 
     Args:
         made: what it shows; without films, their section is left out.
         protocol: for what is said of steps.
         constants: the lines of params.yaml.
+        readings: of the paper, as HTML.
         versions: of the locked environment.
     """
     script = (HTML / "explore.js").read_text(encoding="utf-8")
@@ -95,7 +101,13 @@ def index(made: Made, protocol: params.Protocol, constants: list[Constant], vers
         vars(made)
         | {
             "judged": made.claims,
-            "verdicts": Counter(claim["verdict"] for claim in made.claims["claims"]),
+            "verdicts": {
+                group: Counter(claim[group]["verdict"] for claim in made.claims["claims"]) for group in judgement.GROUPS
+            },
+            "margins": verdicts.MARGINS,
+            "locked": analysis.LOCKED,
+            "readings": readings,
+            "tests": verdicts.primary(made.claims["claims"]),
             "rows": [
                 (condition, reward, found)
                 for condition, rewards in made.metrics["conditions"].items()
@@ -132,6 +144,7 @@ def studies(
         STUDIES,
         {
             "judged": claims,
+            "published_seeds": max((test["n"] for test in verdicts.primary(claims["claims"])), default=0),
             "variants": variants,
             "compared": verdicts.compared(claims, variants),
             "effects": effects,
@@ -151,9 +164,9 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"number": number, "spread": spread, "reward": analysis.label}
+    environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
-    environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip)}
+    environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip, verdicts.refuted)}
     environment.globals["strip_width"] = verdicts.WIDTH
     style, level = (HTML / "style.css").read_text(encoding="utf-8"), f"{100 * values['judged']['level']:g}\u00a0%"
     return environment.get_template(template).render(values, sections=list(sections), style=style, level=level)
@@ -185,6 +198,15 @@ def joints() -> list[Joint]:
     ]
 
 
+def prose(text: str) -> Markup:
+    """A Markdown file of the project, less its first heading, as a part of a section of the page."""
+    body = MarkdownIt("commonmark").enable("table").render(text.partition("\n")[2])
+    wide = '<div class="wide" role="group" aria-label="Table" tabindex="0"><table>'
+    for own, ours in (("h2>", "h3>"), ("<table>", wide), ("</table>", "</table></div>")):
+        body = body.replace(own, ours)
+    return Markup(body)  # noqa: S704 the file is the project's own
+
+
 def versions(lock: str) -> dict[str, str]:
     """Versions by package, from the text of requirements.lock."""
     pinned = (line.split("==") for line in lock.splitlines() if "==" in line and not line.startswith("#"))
@@ -202,7 +224,7 @@ def _explored(explore: dict[str, Any]) -> dict[str, Any]:
     conditions, rewards = (dict.fromkeys(name.split("/")[part] for name in explore["cells"]) for part in (0, 1))
     return explore | {
         "conditions": list(conditions),
-        "rewards": {reward: analysis.label(reward) for reward in rewards},
+        "rewards": {reward: summary.label(reward) for reward in rewards},
         "colours": {reward: COLOURS.get(reward, OTHER_COLOUR) for reward in rewards},
     }
 

@@ -1,13 +1,15 @@
 """Claims and their tests, of mimo.science.claims, as the page shows them."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mimo.science import judgement
 from stages.base.numbers import number
 
 DIGITS = 3  # decimals of effects
+MARGINS = tuple(f"{share:g}" for share in sorted((1, *judgement.MARGINS)))  # times a region's borders
 WIDTH, MARGIN = 160, 6  # of a strip, in pixels
 
 Ends = tuple[float | None, float | None] | list[float | None]
@@ -47,10 +49,12 @@ def strip(test: Test) -> Strip | None:
 
 
 def region(ends: Ends) -> str:
-    """Where a claim puts an effect: `≥ 0.05`, `≤ −0.5`, `within ±0.2`."""
+    """Where a claim puts an effect: `≥ 0.05`, `≤ −0.5`, `within ±0.2`, `no difference`."""
     low, high = ("" if end is None else f"{end:g}".replace("-", "−") for end in ends)
     if not low or not high:
         return f"≥ {low}" if low else f"≤ {high}"
+    if low == high:
+        return "no difference" if low == "0" else low
     return f"within ±{high}" if low == f"−{high}" else f"{low} to {high}"
 
 
@@ -70,10 +74,30 @@ def panels(text: str) -> list[tuple[str, str]]:
     return [(piece, f"fig{piece[0]}" if place % 2 else "") for place, piece in enumerate(pieces) if piece]
 
 
+def tests(claim: Mapping[str, Any]) -> Iterator[tuple[str, Test]]:
+    """All tests of a claim, each with the group it is of."""
+    for group in judgement.GROUPS:
+        yield from ((group, test) for test in claim[group]["tests"])
+    yield from (("besides", test) for test in claim["besides"])
+
+
+def refuted(test: Test) -> bool:
+    """Whether a test's interval lies outside its region, whatever its verdict."""
+    (low, high), bounds = test["region"], test["interval"]
+    if bounds is None or None in bounds:
+        return False
+    return (low is not None and bounds[1] < low) or (high is not None and bounds[0] > high)
+
+
+def primary(claims: Iterable[Mapping[str, Any]]) -> list[Test]:
+    """The tests that verdicts are made of, of all claims."""
+    return [test for claim in claims for group in judgement.GROUPS for test in claim[group]["tests"]]
+
+
 def compared(published: Judged, variants: Mapping[str, Judged]) -> dict[str, list[list[Test | None]]]:
     """By claim, a row for each test that any variant has: the published test, then each variant's."""
     columns = [
-        {(claim["name"], test["name"]): test for claim in judged["claims"] for test in claim["tests"]}
+        {(claim["name"], group, test["name"]): test for claim in judged["claims"] for group, test in tests(claim)}
         for judged in (published, *variants.values())
     ]
     rows: dict[str, list[list[Test | None]]] = {}

@@ -17,9 +17,11 @@ from mimo.world.protocol import PHASES
 from stages.base import console, paths, store
 
 UNITS = {  # of the curves whose datasets in a run do not say it
-    "q_move": "scaled reward",
-    "q_advantage": "scaled reward",
+    "q_move": "temperature",
+    "q_rest": "temperature",
     "limb": "1",
+    "moved": "1",
+    "locked": "1",
     "displacement": "m",
 }
 PART_UNITS = {"mtl": "m", "rtl": "h", "cais": "h", "surprise": "h"}
@@ -50,13 +52,13 @@ def about(p: Params, seeds: int) -> dict[str, str | int | float]:
 def read(
     p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
 ) -> Stacked:
-    """The curves of some cells, of the paper or of a variant; arguments and faults as in `runs`."""
+    """The curves of some cells, of the paper or of a variant, whose params `p` then is; else as in `runs`."""
     limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
     found: dict[tuple[str, str], list[dict[str, np.ndarray]]] = {}
     stacked = Stacked({}, {}, {})
     for pair, run in runs(p, pairs, seeds, progress, variant):
         record = {name: dataset.values for name, dataset in run.datasets.items()}
-        curves = analysis.curves(record, limbs, p.protocol.limb)
+        curves = analysis.curves(record, limbs, p.protocol.limb, p.agent.temperature)
         cell = found.setdefault(pair, [])
         stacked.runs[f"{'/'.join(pair)}/{len(cell)}"] = run.content
         cell.append(curves)
@@ -83,7 +85,7 @@ def runs(
         artifact.ArtifactError: a file is damaged, or not the run that the manifest lists for its place.
     """
     pairs = list(pairs)
-    listed = _digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
+    listed = digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
     steps = phases(p)["extinction"].stop
     for pair, seed in itertools.product(pairs, range(seeds)):
         path = paths.run(*pair, seed, variant)
@@ -143,7 +145,7 @@ def judged(held: artifact.Artifact, above: str = "") -> list[dict[str, Any]]:
     return judgement.evaluate(curves_of(held, above), analysis.windows(phases_of(held)), claims.CLAIMS)
 
 
-def _digests(manifests: Iterable[Path]) -> dict[Path, str]:
+def digests(manifests: Iterable[Path]) -> dict[Path, str]:
     """The digest of the run that belongs to each place."""
     found = {}
     for manifest in manifests:

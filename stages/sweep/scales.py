@@ -1,6 +1,7 @@
 """The rewards' scales as an artifact: of the published params or, under another digest, of a variant's.
 
-Those that differ in rewards and outcome models alone are measured on one record of the resting policy.
+Those that differ in rewards and outcome models alone are measured on one record of the resting policy, unless rewards
+need other pictures of a step.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +30,8 @@ def digest(p: Params, encoder_hash: str) -> identity.Digest:
 
 def rest_digest(p: Params, encoder_hash: str) -> identity.Digest:
     """The digest of all that the resting policy's record depends on."""
-    return _digest(p, encoder_hash, {}, ("mimo.learning.resting",))
+    frames = rewards.frames(rewards.parts("_".join(rewards.REWARDS), p.rewards))
+    return _digest(p, encoder_hash, {"frames": frames}, ("mimo.learning.resting",))
 
 
 def _digest(p: Params, encoder_hash: str, own: dict[str, object], modules: Sequence[str]) -> identity.Digest:
@@ -63,7 +65,7 @@ def record(
     datasets = {
         "action": artifact.Dataset(found.action.astype(np.uint8), "1 = MOVE", "step, world, joint"),
         "path_length": artifact.Dataset(found.path_length, "m", "step, world"),
-        "latent": artifact.Dataset(found.latent, "h", "step, world, dimension"),
+        "latent": artifact.Dataset(found.latent, "h", "world, picture, dimension"),
     }
     return artifact.to_bytes(store.REST, rest_digest(p, encoder_hash), datasets)
 

@@ -45,7 +45,7 @@ class Shipped:
         self.whole: dict[str, Any] = yaml.safe_load(self.text)
         self.places = list(walk(self.whole))
         held = {place: at(self.whole, place) for place in self.places}
-        self.numbers = [place for place, value in held.items() if isinstance(value, int | float)]
+        self.numbers = [place for place, value in held.items() if type(value) in (int, float)]
         self.lists = [place for place, value in held.items() if isinstance(value, list)]
         self.words = [place for place, value in held.items() if isinstance(value, str) and place[-1] != "asks"]
         self.known = [place for place in self.places if isinstance(place[-1], str) and place[-2:-1] not in NAMED]

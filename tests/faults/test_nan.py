@@ -46,8 +46,8 @@ def test_a_poisoned_encoder_stops_the_first_step(tiny: Params, trained: Trained,
 
 
 def test_a_poisoned_frame_stops_the_encoder_when_it_is_drawn(tiny: Params, pairs: np.ndarray) -> None:
-    frames = pairs[::5].astype(np.float32)
-    frames[3, 1, 64, 64, 0] = np.nan
+    frames = pairs[:, ::5].astype(np.float32)
+    frames[1, 1, 1, 64, 64, 0] = np.nan  # pair 3 of 8
     brief = tiny.encoder.model_copy(update={"pairs": 2, "iterations": 50})
     told: list[int] = []
     draws = np.random.default_rng(4)

@@ -56,7 +56,16 @@ def test_more_seeds_than_files_can_be_numbered_are_refused() -> None:
 # The ends of every range.
 
 LIMITS = {"ge": 0, "gt": 1, "le": 0, "lt": -1}  # from a whole number's limit to the end of its range
-REACHING = ("protocol", "conditions.noisy", "world", "encoder", "agent", "outcomes", "rewards")  # sections a run reads
+REACHING = (
+    "protocol",
+    "conditions.noisy",
+    "world",
+    "encoder",
+    "agent",
+    "outcomes",
+    "rewards",
+    "rewards.rtl",
+)  # sections a run reads
 WITH: dict[tuple[str, float], dict[str, Any]] = {  # what an end needs to fit the other values
     ("protocol.updates_per_step", 1): {"protocol.torque_updates": 1, "protocol.updates_per_step": 2,
                                        "collect.pair_updates": 1},
@@ -108,7 +117,7 @@ def test_the_least_that_may_be_asked_for_runs(tiny: Params) -> None:
     }  # fmt: skip
     p = params.changed(tiny, least)
     frames, _ = collect.collect(p)
-    sight = train(p.encoder, frames.reshape(-1, *frames.shape[3:]), np.random.default_rng(0))
+    sight = train(p.encoder, frames.reshape(len(frames), -1, *frames.shape[3:]), np.random.default_rng(0))
     scales = calibrate.scales(p, sight, resting.record(p, sight))
     for dataset in Experiment(p, "noisy", ALL, [0], sight, scales).run()[0].values():
         assert np.isfinite(dataset.values).all()

@@ -20,6 +20,7 @@ from stable_baselines3.common import env_checker
 from examples import sb3
 from mimo.record import artifact
 from mimo.settings import params, studies
+from mimo.settings.errors import Fault
 from mimo.world import body
 from tests.pipeline.project import digests, done, ran, repro, stored
 
@@ -175,6 +176,15 @@ def test_the_checkers_are_content(beside: Path, reward: str) -> None:
     check_env(env, skip_render_check=True)
     env_checker.check_env(env)
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [("outcomes.marginal", "policy", "set outcomes.marginal"), ("rewards.rtl.frames", 4, "set rewards.rtl.frames")],
+)
+def test_a_reading_that_another_learner_cannot_serve_is_refused(beside: Path, key: str, value: Any, said: str) -> None:
+    with pytest.raises(Fault, match=said):
+        sb3.environment(params.changed(params.load(), {key: value}), "noisy", "rtl_cais")
 
 
 def test_the_bare_environment_suits_stable_baselines() -> None:

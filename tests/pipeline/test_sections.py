@@ -110,7 +110,7 @@ EDITS = (
     Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"}),
     Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*", "film@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
     Edit("sweep.seeds", 2, OF_RUNS - {"film@*"}, NONE, {"*, seed 1"}),
-    Edit("sweep.chunk", 2, {"train", "analyse", "explore"} | PAGES),
+    Edit("sweep.chunk", 2, {"train", "analyse", "claims", "explore"} | PAGES),
     Edit("film.steps", 2, {"film@*"} | PAGES),
     Edit("effects.steps", 41, {"studies:effects", "studies:page"}, {"effects"}),
     Edit(

@@ -56,6 +56,8 @@ def make(tiny: params.Params, frames: np.ndarray, trained: extractor.Trained) ->
     studies.PATH.parent.mkdir()
     studies.PATH.write_text(yaml.safe_dump(asked))
     shutil.copy(ROOT / report.LOCK, report.LOCK)
+    paths.READINGS.parent.mkdir()
+    shutil.copy(ROOT / paths.READINGS, paths.READINGS)
     for condition in settings["sweep"]["conditions"]:
         for reward in settings["sweep"]["rewards"]:
             for seed in range(SEEDS):
@@ -83,6 +85,7 @@ def fabricate(condition: str, reward: str, seed: int) -> None:
     joints = np.random.default_rng(seed).normal(size=(STEPS, 12)).astype(np.float32)
     datasets = {
         "move_probability": Dataset(p, "1", "step, joint"),
+        "action": Dataset((joints > 0).astype(np.uint8), "1 moves", "step, joint"),
         "q": Dataset(np.stack([joints, joints + 1], axis=-1), "scaled reward", "step, joint, action"),
         "reward": Dataset(joints, "scaled reward", "step, joint"),
         "path_length": Dataset(joints[:, 0], "m", "step"),

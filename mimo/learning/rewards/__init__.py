@@ -14,7 +14,17 @@ from mimo.learning.rewards.reward import REWARDS, Reward, Transition
 from mimo.settings.errors import Fault
 from mimo.settings.section import Section
 
-__all__ = ["REWARDS", "Reward", "Transition", "UnknownRewardError", "modules", "needs_outcomes", "paid", "parts"]
+__all__ = [
+    "REWARDS",
+    "Reward",
+    "Transition",
+    "UnknownRewardError",
+    "frames",
+    "modules",
+    "needs_outcomes",
+    "paid",
+    "parts",
+]
 
 
 class RewardFileError(Fault):
@@ -76,6 +86,20 @@ def needs_outcomes(name: str) -> bool:
         UnknownRewardError: a part is no reward's name.
     """
     return any(kind.needs_outcomes for kind in _kinds(name))
+
+
+def frames(terms: Iterable[Reward]) -> int:
+    """How many pictures of a step rewards need, evenly in time, the last at its end.
+
+    Raises:
+        RewardError: some need other pictures than others, none of which are at the same times.
+    """
+    asked = {term.frames for term in terms} - {1}
+    if len(asked) > 1:
+        raise RewardError(
+            f"rewards that are paid together ask for {' and '.join(map(str, sorted(asked)))} pictures a step."
+        )
+    return asked.pop() if asked else 1
 
 
 def modules(name: str) -> list[str]:

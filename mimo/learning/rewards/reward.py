@@ -18,19 +18,27 @@ class Transition:
 
     Attributes:
         path_length: (N,), metres the mobile's centre of mass travelled during the step.
-        latent_before: (N, latent), h at the step's start.
-        latent: (N, latent), h at its end.
+        latents: (N, frames + 1, latent), h at the step's start and at each of its pictures, the last at its end.
         action: (N, 12) bool, True where the joint moved.
         influence: (N, 12, 2), W1 between p(h|a) and p(h) for NO_TORQUE and MOVE; None without outcome models.
         expectation: (N, 12, latent), E[h|a] of each joint's action; None without outcome models.
     """
 
     path_length: np.ndarray
-    latent_before: np.ndarray
-    latent: np.ndarray
+    latents: np.ndarray
     action: np.ndarray
     influence: np.ndarray | None = None
     expectation: np.ndarray | None = None
+
+    @property
+    def latent_before(self) -> np.ndarray:
+        """(N, latent), h at the step's start."""
+        return self.latents[:, 0]
+
+    @property
+    def latent(self) -> np.ndarray:
+        """(N, latent), h at its end."""
+        return self.latents[:, -1]
 
 
 class Reward:
@@ -59,6 +67,11 @@ class Reward:
     def __init__(self, constants: Any) -> None:
         """Keep the reward's own section, or None."""
         self.constants = constants
+
+    @property
+    def frames(self) -> int:
+        """How many pictures of a step it needs: one, at the end, unless a subclass says otherwise."""
+        return 1
 
     def __call__(self, t: Transition) -> np.ndarray:
         """The reward (N, 12) of each joint for the step."""

@@ -4,7 +4,7 @@
   const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   const PANELS = [
     { curve: "reward", title: "Reward as paid (scaled units)" },
-    { curve: "q_move", title: "Q(MOVE) (scaled units)" },
+    { curve: "q_move", title: "Q(MOVE) / temperature" },
     { curve: "move_probability", title: "P(MOVE)", range: [0, 1] },
   ];
   const SIZE = { plot: 120, left: 52, right: 10, top: 34, bottom: 24 }; // pixels; phases' names are above the first panel

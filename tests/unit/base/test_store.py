@@ -134,3 +134,9 @@ def test_what_fails_leaves_the_target_as_it_was() -> None:
         store.publish(store.SCALE, OTHER, TARGET, fail)
     assert TARGET.read_bytes() == before
     assert not store.has(store.SCALE, OTHER)
+
+
+def test_an_encoder_is_called_as_it_calls_itself() -> None:
+    from mimo.vision import extractor  # late, as it loads torch
+
+    assert store.ENCODER == extractor.SCHEMA

@@ -16,7 +16,7 @@ TOP = Path(__file__).parents[3]
 @pytest.fixture
 def no_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to be in where EGL finds no driver, as though none were installed: no variable counts as the reason."""
-    monkeypatch.setattr(runtime, "CHOOSING", ("MUJOCO_", "PYOPENGL_"))
+    monkeypatch.setattr(runtime, "CHOOSING", ("MUJOCO_GL", "PYOPENGL_PLATFORM"))
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.chdir(tmp_path)

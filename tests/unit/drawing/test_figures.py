@@ -22,16 +22,15 @@ def with_changes(p: params.Params, **sections: dict[str, object]) -> params.Para
 
 
 @pytest.fixture(scope="module")
-def shown(
-    tiny: params.Params,
-    collected: tuple[np.ndarray, np.ndarray],
-    encoder_file: bytes,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> example.Example:
+def held(encoder_file: bytes, tmp_path_factory: pytest.TempPathFactory) -> artifact.Artifact:
     path = tmp_path_factory.mktemp("example") / "encoder.h5"
     path.write_bytes(encoder_file)
-    built = scene.build(tiny.world, tiny.protocol)
-    return example.take(tiny, artifact.read(path, extractor.SCHEMA), collected[0], built)
+    return artifact.read(path, extractor.SCHEMA)
+
+
+@pytest.fixture(scope="module")
+def shown(tiny: params.Params, collected: tuple[np.ndarray, np.ndarray], held: artifact.Artifact) -> example.Example:
+    return example.take(tiny, held, collected[0], scene.build(tiny.world, tiny.protocol))
 
 
 def test_every_reward_of_the_paper_has_a_colour_of_its_own(tiny: params.Params):
@@ -50,6 +49,20 @@ def test_the_example_ends_where_the_recorded_step_ended(
     assert np.array_equal(shown.path[0], centres[REGIME, 0, shown.step - 1, 1])
     assert shown.learned == frames.shape[2] + shown.step
     assert shown.transition.action[0, body.attached(tiny.protocol.limb)].any()
+
+
+def test_the_examples_rtl_may_be_of_pictures_on_the_way(
+    shown: example.Example, tiny: params.Params, collected: tuple[np.ndarray, np.ndarray], held: artifact.Artifact
+):
+    four = params.changed(tiny, {"rewards.rtl.frames": 4})
+    found = example.take(four, held, collected[0], scene.build(tiny.world, tiny.protocol))
+    assert np.array_equal(found.transition.latents[:, [0, -1]], shown.transition.latents)
+    way = np.linalg.norm(np.diff(found.transition.latents[0], axis=0), axis=1)
+    assert way.shape == (4,)
+    assert (way > 0).all()
+    assert found.rewards["rtl"] == pytest.approx(way.sum(), rel=1e-5)
+    for name in ("mtl", "cais", "surprise"):
+        assert np.array_equal(found.rewards[name], shown.rewards[name])
 
 
 def test_the_examples_rewards_are_what_its_path_latents_and_tables_give(shown: example.Example):

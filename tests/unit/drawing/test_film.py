@@ -21,6 +21,7 @@ from mimo.record.artifact import Artifact
 from mimo.science import analysis
 from mimo.settings import params
 from mimo.settings.params import Params
+from mimo.vision.collect import REGIMES
 from mimo.vision.encoder import UNet
 from mimo.vision.extractor import LEVELS, Extractor, Trained
 from mimo.world import scene
@@ -49,7 +50,8 @@ def untrained(settings: Params) -> Trained:
     torch.manual_seed(0)
     weights = {name: tensor.numpy() for name, tensor in UNet(settings.encoder).state_dict().items()}
     zero = np.zeros(settings.encoder.latent, np.float32)
-    return Trained(weights, zero, zero + 1, np.zeros((len(zero), len(LEVELS)), np.float32), zero, zero)
+    quantiles = np.zeros((len(REGIMES), len(zero), len(LEVELS)), np.float32)
+    return Trained(weights, zero, zero + 1, quantiles, zero, zero)
 
 
 @pytest.fixture(scope="module")

@@ -19,12 +19,15 @@ from mimo.settings import params
 from tests.unit.learning.twins import policy, q_network, td_loss
 
 INPUTS, HIDDEN, JOINTS = 111, 64, 12
-SETTINGS = params.Agent(hidden=HIDDEN, learning_rate=0.001, gamma=0.1, temperature=0.3, move_bias=-0.2)
+SETTINGS = params.Agent(
+    hidden=HIDDEN, learning_rate=0.001, gamma=0.1, temperature=0.3, move_bias=-0.2, bias_in_target=False
+)
 Q = st.floats(-5, 5, width=32)
 
 
-def agents(seeds: Sequence[int]) -> Agents:
-    return Agents(SETTINGS, INPUTS, [np.random.default_rng((seed, 0)) for seed in seeds])
+def agents(seeds: Sequence[int], in_target: bool = False) -> Agents:
+    settings = SETTINGS.model_copy(update={"bias_in_target": in_target})
+    return Agents(settings, INPUTS, [np.random.default_rng((seed, 0)) for seed in seeds])
 
 
 def normal(generator: np.random.Generator, *shape: int) -> np.ndarray:
@@ -67,14 +70,16 @@ def test_sarsa_target_by_hand() -> None:
     assert target == pytest.approx(0.65)  # 0.5 + 0.1 * (0.75 * 1 + 0.25 * 3)
 
 
-def test_update_returns_the_td_error_with_the_bias_in_the_policy_alone() -> None:
-    three, generator = agents([1, 2, 3]), np.random.default_rng(0)
+@pytest.mark.parametrize("in_target", [False, True])
+def test_update_returns_the_td_error_with_the_bias_in_policy_and_where_asked_for_in_the_target(in_target: bool) -> None:
+    three, generator = agents([1, 2, 3], in_target), np.random.default_rng(0)
     state, following = normal(generator, 3, INPUTS), normal(generator, 3, INPUTS)
     reward, action = normal(generator, 3, JOINTS), normal(generator, 3, JOINTS) > 0
     then, now = three.values(following).astype(float), three.values(state).astype(float)
     move = 1 / (1 + np.exp(-(then[..., 1] - 0.2 - then[..., 0]) / 0.3))
     taken = np.where(action, now[..., 1], now[..., 0])
-    expected = reward + 0.1 * (move * then[..., 1] + (1 - move) * then[..., 0]) - taken
+    worth = then[..., 1] - 0.2 if in_target else then[..., 1]
+    expected = reward + 0.1 * (move * worth + (1 - move) * then[..., 0]) - taken
     np.testing.assert_allclose(three.move_probability(then.astype(np.float32)), move, rtol=1e-6)
     np.testing.assert_allclose(three.update(action, reward, following), expected, atol=1e-5)
 
@@ -120,8 +125,10 @@ def test_values_and_gradients_are_those_of_torch(inputs: int, width: int, seed: 
         np.testing.assert_allclose(ours, theirs.grad.numpy(), rtol=1e-3, atol=2e-4 * largest)
 
 
-def test_updates_follow_torchs_adamw_on_single_modules() -> None:
-    two, generator = agents([8, 9]), np.random.default_rng(2)
+@pytest.mark.parametrize("in_target", [False, True])
+def test_updates_follow_torchs_adamw_on_single_modules(in_target: bool) -> None:
+    two, generator = agents([8, 9], in_target), np.random.default_rng(2)
+    policy_and_target = (-0.2, 0.3), -0.2 if in_target else 0.0
     modules = [twin(net) for net in two.networks]
     optimizers = [torch.optim.AdamW(module.parameters(), lr=0.001) for module in modules]
     for _ in range(25):
@@ -132,7 +139,8 @@ def test_updates_follow_torchs_adamw_on_single_modules() -> None:
         for seed, (module, optimizer) in enumerate(zip(modules, optimizers, strict=True)):
             now, then, paid = (torch.from_numpy(x[seed : seed + 1]).double() for x in (state, following, reward))
             optimizer.zero_grad()
-            td_loss(module, now, torch.from_numpy(action[seed : seed + 1]), paid, then, 0.1, (-0.2, 0.3)).backward()
+            taken = torch.from_numpy(action[seed : seed + 1])
+            td_loss(module, now, taken, paid, then, 0.1, *policy_and_target).backward()
             optimizer.step()
     for net, module in zip(two.networks, modules, strict=True):
         for ours, theirs in zip(parts(net), module.parameters(), strict=True):
@@ -210,9 +218,10 @@ def test_what_would_be_read_beyond_its_end_is_refused(changed: dict[str, np.ndar
     one = agents([0])
     state, still = np.zeros((1, INPUTS), np.float32), np.zeros((1, JOINTS), bool)
     one.values(state)
-    given = {"action": still, "reward": np.zeros((1, JOINTS), np.float32), "next_state": state} | changed
+    given = {"action": still, "reward": np.zeros((1, JOINTS), np.float32), "next_state": state}
     with pytest.raises(ValueError, match=message):
-        one.update(**given)
+        one.update(**given | changed)
+    one.update(**given)  # what was refused has not used up the values
     with pytest.raises(ValueError, match=r"^state must be"):
         one.values(state[:, :-1])
 

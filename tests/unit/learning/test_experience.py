@@ -9,6 +9,7 @@ from mimo.learning.experience import Experience, initial_quantiles, untaught
 from mimo.learning.outcomes import Outcomes
 from mimo.learning.rewards import Transition
 from mimo.record import streams
+from mimo.settings import params
 from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
@@ -56,9 +57,11 @@ def test_a_transition_is_what_a_loop_by_hand_gives(
 ) -> None:
     """Bitwise; what is expected of an action, and its influence, are from before the models learned of its outcome."""
     extract = Extractor(tiny.encoder, trained)
-    experience = Experience(new_worlds(tiny, built), eye, extract, untaught(tiny, trained, generators(tiny, "memory")))
+    experience = Experience(
+        new_worlds(tiny, built), eye, extract, untaught(tiny, trained, "noisy", generators(tiny, "memory"))
+    )
     worlds = new_worlds(tiny, built)
-    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained), generators(tiny, "memory"))
+    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained, "noisy"), generators(tiny, "memory"))
     latent = extract(eye.frames(worlds.qpos))
     assert same(experience.perception.latent, latent)
     for moved, positive, attached in actions():
@@ -87,7 +90,7 @@ def test_without_outcome_models_the_transition_is_the_same_but_for_them(
     tiny: Params, trained: Trained, built: scene.Scene, eye: Eye
 ) -> None:
     extract = Extractor(tiny.encoder, trained)
-    outcomes = untaught(tiny, trained, generators(tiny, "memory"))
+    outcomes = untaught(tiny, trained, "noisy", generators(tiny, "memory"))
     bare, whole = (Experience(new_worlds(tiny, built), eye, extract, models) for models in (None, outcomes))
     for moved, positive, attached in actions():
         found: Transition = bare.step(moved, positive, attached)[1]
@@ -98,11 +101,36 @@ def test_without_outcome_models_the_transition_is_the_same_but_for_them(
 
 
 def test_outcome_models_start_at_the_quantiles_of_h(tiny: Params, trained: Trained, runs: Runs) -> None:
-    start = initial_quantiles(tiny, trained)
+    start = initial_quantiles(tiny, trained, "noisy")
     assert start.shape == (64, 49)
     assert start.dtype == np.float32
     # 0.02, 0.04, ...: every second of the kept 0.01, 0.02, ...
-    assert start == pytest.approx(trained.quantiles[:, 1::2], abs=1e-6)
-    assert same(untaught(tiny, trained, generators(tiny, "memory")).marginal, np.broadcast_to(start, (2, 64, 49)))
+    assert start == pytest.approx(trained.quantiles[2][:, 1::2], abs=1e-6)  # noisy, rope off
+    other = initial_quantiles(tiny, trained, "free")
+    assert other == pytest.approx(trained.quantiles[0][:, 1::2], abs=1e-6)
+    assert (other != start).any()
+    nothing = tiny.model_copy(update={"outcomes": params.checked(tiny.outcomes, {"start": "zero"})})
+    assert not initial_quantiles(nothing, trained, "noisy").any()
+    assert same(
+        untaught(tiny, trained, "noisy", generators(tiny, "memory")).marginal, np.broadcast_to(start, (2, 64, 49))
+    )
     for record in runs("noisy", "cais", 0, 1):
         assert not record["influence"][0].any()  # all tables alike
+
+
+def test_more_pictures_of_a_step_are_what_is_seen_on_the_way(
+    tiny: Params, trained: Trained, built: scene.Scene, eye: Eye
+) -> None:
+    extract = Extractor(tiny.encoder, trained)
+    whole = Experience(new_worlds(tiny, built), eye, extract)
+    parts = Experience(new_worlds(tiny, built), eye, extract, frames=4)
+    worlds = new_worlds(tiny, built)
+    for moved, positive, attached in actions():
+        (one, seen), (other, more) = (e.step(moved, positive, attached) for e in (whole, parts))
+        between = [extract(eye.frames(worlds.qpos)) for _ in worlds.pieces(moved, positive, attached, [30, 60, 90])]
+        assert one.centre_of_mass.tobytes() == other.centre_of_mass.tobytes()
+        np.testing.assert_allclose(one.path_length, other.path_length, rtol=1e-6)
+        assert more.latents.shape == (2, 5, 64)
+        assert same(more.latents[:, 1:], np.stack(between, axis=1))
+        assert same(more.latents[:, [0, -1]], seen.latents)
+        assert (np.diff(more.latents, axis=1) != 0).any(axis=(0, 2)).all()

@@ -12,13 +12,14 @@ from mimo.learning.experience import initial_quantiles
 from mimo.learning.experiment import Experiment, RunError
 from mimo.learning.outcomes import Outcomes
 from mimo.record import streams
+from mimo.settings import params
 from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
 from mimo.world.physics import DivergedError, Worlds
 from mimo.world.protocol import MOVE
-from tests.unit.learning.recorded import ALL, ATTACHED, STEPS, Records, Runs
+from tests.unit.learning.recorded import ALL, ATTACHED, STEPS, Records, Runs, arrays
 
 SHAPES = {
     "action": (STEPS, 12),
@@ -60,13 +61,13 @@ def test_the_rope_is_on_in_the_attached_phase_alone(
     tiny: Params, trained: Trained, scales: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[bool] = []
-    step = Worlds.step
+    advance = Worlds._advance
 
-    def spy(self: Worlds, moved: np.ndarray, positive: np.ndarray, attached: bool) -> Any:
+    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Any:
         told.append(attached)
-        return step(self, moved, positive, attached)
+        return advance(self, control, attached)
 
-    monkeypatch.setattr(Worlds, "step", spy)
+    monkeypatch.setattr(Worlds, "_advance", spy)
     Experiment(tiny, "free", "mtl", [0], trained, scales).run()
     assert told == [index in ATTACHED for index in range(STEPS)]
 
@@ -128,18 +129,42 @@ def test_the_policy_is_softmax_of_q_with_bias_and_temperature(runs: Runs) -> Non
         assert record["move_probability"] == pytest.approx(move / (rest + move), rel=1e-5)
 
 
+# The other readings of the paper: docs/readings.md.
+READINGS: list[tuple[str, object]] = [
+    ("outcomes.batches", "shared"),
+    ("outcomes.marginal", "policy"),
+    ("outcomes.start", "zero"),
+    ("agent.bias_in_target", True),
+    ("rewards.rtl.frames", 4),
+]
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 @pytest.mark.parametrize(("condition", "reward"), [("free", "rtl_surprise"), ("noisy", "cais_surprise")])
 def test_a_run_is_what_a_plain_loop_makes_of_its_actions(
     condition: str, reward: str, seed: int, runs: Runs, tiny: Params, trained: Trained
 ) -> None:
+    live_again(tiny, condition, seed, runs(condition, reward, 0, 1, 2)[seed], trained)
+
+
+@pytest.mark.parametrize(("key", "value"), READINGS)
+def test_so_it_is_with_each_other_reading(
+    key: str, value: object, runs: Runs, tiny: Params, trained: Trained, scales: dict[str, float]
+) -> None:
+    other = params.changed(tiny, {key: value})
+    (record,) = Experiment(other, "noisy", "rtl_surprise", [1], trained, scales).run()
+    live_again(other, "noisy", 1, arrays(record), trained)
+    ours = runs("noisy", "rtl_surprise", 0, 1)[1]
+    assert any(ours[name].tobytes() != dataset.values.tobytes() for name, dataset in record.items())
+
+
+def live_again(tiny: Params, condition: str, seed: int, record: dict[str, np.ndarray], trained: Trained) -> None:
     """World, eye, agent and outcome models in the paper's order (fig. 1B), fed with recorded actions and rewards."""
-    record = runs(condition, reward, 0, 1, 2)[seed]
     draw = partial(streams.generator, tiny.seed, condition, seed)
     built = scene.build(tiny.world, tiny.protocol)
     worlds = Worlds(built, tiny.protocol, {"free": 0.0, "noisy": 40.0}[condition], [draw("noise")])
     extract = Extractor(tiny.encoder, trained)
-    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained), [draw("memory")])
+    outcomes = Outcomes(tiny.outcomes, initial_quantiles(tiny, trained, condition), [draw("memory")])
     agents = Agents(tiny.agent, 47 + 64, [draw("weights")])
     with Eye(built) as eye:
         h = extract(eye.frames(worlds.qpos))
@@ -147,13 +172,19 @@ def test_a_run_is_what_a_plain_loop_makes_of_its_actions(
         for step in range(STEPS):
             assert agents.values(state).tobytes() == record["q"][step].tobytes()
             moved, positive = (record[name][step][None].astype(bool) for name in ("action", "positive"))
-            influence, expected = outcomes.influence(), outcomes.expectation(moved)
+            influence = outcomes.influence(record["move_probability"][step][None])
+            expected = outcomes.expectation(moved)
             assert (influence[0, :, MOVE] == record["influence"][step]).all()
-            seen = worlds.step(moved, positive, attached=step in ATTACHED)
+            before, way, path = h, 0.0, 0.0
+            cuts = {1: (), 4: (30, 60, 90)}[tiny.rewards.rtl.frames]
+            for seen in worlds.pieces(moved, positive, step in ATTACHED, cuts):
+                last, h = h, extract(eye.frames(worlds.qpos))
+                way, path = way + float(np.linalg.norm(h - last)), path + seen.path_length[0]
             assert (seen.centre_of_mass[0].astype(np.float32) == record["centre_of_mass"][step]).all()
-            assert seen.path_length[0].astype(np.float32) == record["path_length"][step]
-            before, h = h, extract(eye.frames(worlds.qpos))
+            assert np.float32(path) == record["path_length"][step]
             assert record["latent_length"][step] == pytest.approx(np.linalg.norm(h - before), rel=1e-5)
+            if "part/rtl" in record:
+                assert record["part/rtl"][step] == pytest.approx(np.full(12, way), rel=1e-5)
             surprise = np.linalg.norm(h[:, None] - expected, axis=-1)[0]
             assert record["part/surprise"][step] == pytest.approx(surprise, rel=1e-5)
             outcomes.update(moved, h)

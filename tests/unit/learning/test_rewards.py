@@ -1,37 +1,28 @@
-"""Rewards against numbers worked by hand, and what a file in their folder is enough for."""
+"""Rewards against numbers worked by hand."""
 
-import json
-import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from mimo.learning import rewards
-from mimo.learning.experiment import inputs
 from mimo.learning.rewards import REWARDS, Reward, Transition, UnknownRewardError
-from mimo.record import identity
 from mimo.settings import params
 
 JOINTS, LATENT = 12, 64
-
-
 PAPERS = ("cais", "mtl", "rtl", "surprise")
 
 
-def settings(cais: str = "move", surprise: str = "taken") -> params.Rewards:
-    pays = {"cais": {"pays": cais}, "surprise": {"pays": surprise}}
-    return params.checked(params.load().rewards, pays)
+def settings(cais: str = "move", surprise: str = "taken", frames: int = 1) -> params.Rewards:
+    own = {"cais": {"pays": cais}, "surprise": {"pays": surprise}, "rtl": {"frames": frames}}
+    return params.checked(params.load().rewards, own)
 
 
-def made(name: str, **pays: str) -> Reward:
-    """The reward of that name, with what these pay."""
-    (reward,) = rewards.parts(name, settings(**pays))
+def made(name: str, **own: Any) -> Reward:
+    """The reward of that name, with such constants."""
+    (reward,) = rewards.parts(name, settings(**own))
     return reward
 
 
@@ -46,7 +37,8 @@ def transition() -> Transition:
     expectation = after[:, None].repeat(JOINTS, axis=1)
     expectation[0, 3, 63] -= 5.0
     expectation[1, 11, :9] += 2.0
-    return Transition(np.array([0.25, 2.0], np.float32), before, after, action, influence, expectation)
+    latents = np.stack([before, after], axis=1)
+    return Transition(np.array([0.25, 2.0], np.float32), latents, action, influence, expectation)
 
 
 def same(found: np.ndarray, expected: Any) -> bool:
@@ -59,6 +51,36 @@ def test_mtl_is_the_path_length_for_all_joints() -> None:
 
 def test_rtl_is_the_euclidean_step_of_the_latent() -> None:
     assert same(made("rtl")(transition()), [[5.0] * JOINTS, [2.0] * JOINTS])
+
+
+def on_the_way() -> Transition:
+    """Four pictures of a step: h goes 3, 4, back, and by (3, 4); in the other seed it stays until the end."""
+    h = np.zeros((2, 5, LATENT), np.float32)
+    h[0, 1, 0], h[0, 2, :2], h[0, 3, 0], h[0, 4, :2] = 3, (3, 4), 3, (6, 4)
+    h[1, 4, 9] = 2
+    whole = transition()
+    return Transition(whole.path_length, h, whole.action)
+
+
+def test_rtl_may_be_the_way_from_picture_to_picture() -> None:
+    assert same(made("rtl", frames=4)(on_the_way()), [[16.0] * JOINTS, [2.0] * JOINTS])
+    assert same(made("rtl", frames=2)(on_the_way()), [[8.0] * JOINTS, [2.0] * JOINTS])
+    ends = np.float32(np.sqrt(52))
+    assert same(made("rtl")(on_the_way()), [[ends] * JOINTS, [2.0] * JOINTS])  # others need the pictures between
+    with pytest.raises(AssertionError, match=r"^RTL needs 4 pictures of a step$"):
+        made("rtl", frames=4)(transition())
+
+
+def test_rewards_say_how_many_pictures_of_a_step_they_need() -> None:
+    assert [rewards.frames(rewards.parts(name, settings(frames=4))) for name in ("mtl", "rtl", "rtl_surprise")] == [
+        1, 4, 4
+    ]  # fmt: skip
+    assert rewards.frames(rewards.parts("rtl_surprise", settings())) == 1
+    assert rewards.frames([]) == 1
+    with pytest.raises(
+        rewards.RewardError, match=r"^rewards that are paid together ask for 3 and 4 pictures a step\.$"
+    ):
+        rewards.frames([made("rtl", frames=4), made("mtl"), made("rtl", frames=3)])
 
 
 def test_cais_pays_move_alone() -> None:
@@ -90,23 +112,22 @@ def test_surprise_may_pay_move_alone() -> None:
 @pytest.mark.parametrize("name", ["cais", "surprise"])
 def test_a_reward_that_needs_outcomes_refuses_a_transition_without(name: str) -> None:
     whole = transition()
-    bare = Transition(whole.path_length, whole.latent_before, whole.latent, whole.action)
+    bare = Transition(whole.path_length, whole.latents, whole.action)
     with pytest.raises(AssertionError, match="needs the"):
         made(name)(bare)
 
 
-@pytest.mark.parametrize("name", list(REWARDS))
-def test_rewards_do_not_depend_on_the_stack(name: str) -> None:
+@pytest.mark.parametrize(("name", "frames"), [*((name, 1) for name in REWARDS), ("rtl", 4), ("rtl", 12)])
+def test_rewards_do_not_depend_on_the_stack(name: str, frames: int) -> None:
     generator = np.random.default_rng(3)
     fields = {
         "path_length": generator.random(7, np.float32),
-        "latent_before": generator.standard_normal((7, LATENT), np.float32),
-        "latent": generator.standard_normal((7, LATENT), np.float32),
+        "latents": generator.standard_normal((7, frames + 1, LATENT), np.float32),
         "action": generator.random((7, JOINTS)) < 0.4,
         "influence": generator.random((7, JOINTS, 2), np.float32),
         "expectation": generator.standard_normal((7, JOINTS, LATENT), np.float32),
     }
-    reward = made(name)
+    reward = made(name, frames=frames)
     stack = reward(Transition(**fields))
     assert stack.shape == (7, JOINTS)
     for seed in range(7):
@@ -183,139 +204,3 @@ def test_a_run_needs_no_torch() -> None:
 
 def test_the_modules_of_a_name_are_the_files_of_its_parts() -> None:
     assert rewards.modules("mtl_surprise") == ["mimo.learning.rewards.mtl", "mimo.learning.rewards.surprise"]
-
-
-# A file in the folder.
-
-NOVELTY = '''
-"""How new a path is."""
-
-from typing import Annotated
-
-from pydantic import Field
-
-from mimo.learning.rewards.mtl import MTL
-from mimo.settings.section import Section
-
-
-class Novelty(MTL):
-    """MTL, weighed."""
-
-    name = "novelty"
-
-    class Constants(Section):
-        """`weight`: of a metre."""
-
-        weight: Annotated[float, Field(ge=0, le=9)]
-
-    def __call__(self, t):
-        """See Reward."""
-        return self.constants.weight * super().__call__(t)
-'''
-PAID = """
-import numpy as np
-from mimo.learning import rewards
-from mimo.settings import params
-p = params.load("with.yaml")
-action, h = np.zeros((2, 12), bool), np.zeros((2, 64), np.float32)
-t = rewards.Transition(np.float32([0.25, 2.0]), h, h, action)
-parts = rewards.parts("mtl_novelty", p.rewards)
-assert [part(t)[:, 3].tolist() for part in parts] == [[0.25, 2.0], [1.0, 8.0]]
-for file in ("params.yaml", "heavy.yaml"):
-    try:
-        params.load(file)
-    except params.ParamsError as error:
-        print(error)
-"""
-DIGESTS = """
-import json, sys
-from pathlib import Path
-from mimo.learning.experiment import inputs
-from mimo.record import identity
-from mimo.settings import params
-p, scales = params.load("with.yaml"), json.loads(sys.argv[1])
-found = []
-for edited in (None, "novelty", "mtl", "surprise", "reward"):
-    path = Path(f"mimo/learning/rewards/{edited}.py")
-    before = path.read_text() if edited else ""
-    if edited:
-        path.write_text(before + "\\nEDITED = True\\n")
-    found.append({name: identity.Digest(inputs(p, "free", name, "e", scales)) for name in scales})
-    if edited:
-        path.write_text(before)
-print(json.dumps(found))
-"""
-
-
-@pytest.fixture
-def extended(tmp_path: Path) -> Path:
-    """A copy of the package with one more file, params.yaml as it is, and as it must be: with a weight of 4, or 10."""
-    top = identity.ROOT
-    shutil.copytree(top / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "mimo/learning/rewards/novelty.py").write_text(NOVELTY)
-    shutil.copy(top / "params.yaml", tmp_path)
-    whole: dict[str, Any] = yaml.safe_load((top / "params.yaml").read_text())
-    whole["sweep"]["rewards"] += ["novelty", "rtl_novelty"]
-    for name, weight in (("with", 4.0), ("heavy", 10.0)):
-        whole["rewards"]["novelty"] = {"weight": weight}
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(whole))
-    return tmp_path
-
-
-def own_path(folder: Path) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-
-
-def said(folder: Path, script: str, *arguments: str) -> str:
-    """What a script says in a process whose package is that of `folder`."""
-    done = subprocess.run(
-        [sys.executable, "-c", script, *arguments], cwd=folder, env=own_path(folder), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def test_a_file_in_the_folder_is_a_reward_with_a_section_of_its_own(extended: Path) -> None:
-    assert said(extended, PAID).splitlines() == [
-        "params.yaml: rewards.novelty is missing.",
-        "heavy.yaml: rewards.novelty.weight must be less than or equal to 9; it is 10.0.",
-    ]
-
-
-FAULTS = {
-    "class Zeal(:": "SyntaxError: ",
-    "import nowhere": "ModuleNotFoundError: No module named 'nowhere'",
-    "from mimo.learning.rewards import Reward\n\nclass Zeal(Reward):\n    pass": "AttributeError: ",
-    "from mimo.learning.rewards import Reward\n\nclass Zeal(Reward):\n    name = 'mtl'": "ValueError: Zeal.name",
-}
-
-
-@pytest.mark.parametrize("source", FAULTS)
-def test_a_file_that_cannot_be_used_is_named_in_a_sentence(source: str, tmp_path: Path) -> None:
-    shutil.copytree(identity.ROOT / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(identity.ROOT / "stages", tmp_path / "stages", ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "mimo/learning/rewards/zeal.py").write_text(source)
-    done = subprocess.run(
-        [sys.executable, "-m", "stages.claims"], cwd=tmp_path, env=own_path(tmp_path), capture_output=True, text=True
-    )
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"mimo/learning/rewards/zeal.py cannot be used: {FAULTS[source]}"), done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_a_reward_may_use_the_papers_actions(tmp_path: Path) -> None:
-    shutil.copytree(identity.ROOT / "mimo", tmp_path / "mimo", ignore=shutil.ignore_patterns("__pycache__"))
-    text = NOVELTY.replace("from typing", "from mimo.world.protocol import JOINTS, MOVE\nfrom typing")
-    (tmp_path / "mimo/learning/rewards/novelty.py").write_text(text)
-    assert said(tmp_path, "from mimo.learning import rewards; print(list(rewards.REWARDS))").count("novelty") == 1
-
-
-def test_a_runs_digest_is_of_its_own_rewards_files_alone(extended: Path, scales: dict[str, float]) -> None:
-    """Novelty inherits from MTL, so that MTL's file is its own too; all have what a reward is."""
-    here = {name: identity.Digest(inputs(params.load(), "free", name, "e", scales)) for name in PAPERS}
-    added, *edited = json.loads(said(extended, DIGESTS, json.dumps(scales | {"novelty": 0.1})))
-    assert list(added) == [*scales, "novelty"]
-    assert {name: added[name] for name in PAPERS} == here
-    assert [{name for name in added if after[name] != added[name]} for after in edited] == [
-        {"novelty"}, {"mtl", "novelty"}, {"surprise"}, {*PAPERS, "novelty"}
-    ]  # fmt: skip

@@ -19,10 +19,11 @@ print(hashed())
 
 
 def hashed() -> str:
-    """Of all that both give over 20 updates of two seeds."""
+    """Of all that both give over 20 updates of two seeds, outcome models by other readings too."""
     made = hashlib.sha256()
-    for history in (test_agent.history, test_outcomes.history):
-        for seen in history([0, 1], 20).values():
+    outcomes = (test_outcomes.history([0, 1], 20, **changes) for changes in ({}, test_outcomes.OTHER))
+    for history in (test_agent.history([0, 1], 20), *outcomes):
+        for seen in history.values():
             made.update(seen)
     return made.hexdigest()
 

@@ -38,11 +38,16 @@ def td_loss(
     following: Tensor,
     gamma: float,
     policy_: Sequence[float],
+    bias_in_target: float = 0.0,
 ) -> Tensor:
-    """Half the squared TD error of Expected SARSA, summed over joints (paper eq. td-error)."""
+    """Half the squared TD error of Expected SARSA, summed over joints (paper eq. td-error).
+
+    With a `bias_in_target` the target's Q(MOVE) has it too: another reading of §3.6.
+    """
     with torch.no_grad():
         then = net(following)
-        target = reward + gamma * (policy(then, *policy_) * then).sum(-1)
+        expected = policy(then, *policy_) * (then + torch.tensor([0.0, bias_in_target]))
+        target = reward + gamma * expected.sum(-1)
     taken = net(state).gather(-1, action.long().unsqueeze(-1)).squeeze(-1)
     return 0.5 * (target - taken).square().sum()
 

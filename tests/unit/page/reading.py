@@ -34,7 +34,7 @@ def rows(html: str, section: str) -> list[list[str]]:
     """The cells' texts of a section's table rows, heads left out."""
     part = re.search(f'<section id="{section}">.*?</section>', html, re.DOTALL)
     assert part
-    found = re.findall(r"<tr>(<td.*?)</tr>", re.sub(r"<svg.*?</svg>|<br>", " ", part[0], flags=re.DOTALL), re.DOTALL)
+    found = re.findall(r"<tr>\s*(<td.*?)</tr>", re.sub(r"<svg.*?</svg>|<br>", " ", part[0], flags=re.DOTALL), re.DOTALL)
     return [[" ".join(Page(cell).text.split()) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)] for row in found]
 
 

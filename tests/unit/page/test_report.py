@@ -6,16 +6,20 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from markupsafe import Markup
 
+from mimo.science import judgement
 from mimo.settings import params
 from mimo.world import body
 from stages import report
 from stages.base import console, paths
-from stages.page import captions, page
+from stages.page import captions, page, verdicts
 from stages.page.constants import Constant
 from stages.page.page import Made
 from tests.unit.page.reading import Page, plain, rows
@@ -37,7 +41,7 @@ def html(project: Path) -> str:
 
 def shown(made: Made, constants: list[Constant] | None = None) -> str:
     """The page of `made`, as stages.report makes it."""
-    return page.index(made, params.load().protocol, constants or [], VERSIONS)
+    return page.index(made, params.load().protocol, constants or [], Markup("<p>As we read it.</p>"), VERSIONS)
 
 
 def test_the_page_holds_every_figure_and_links_to_its_files(made: Made, html: str):
@@ -81,7 +85,7 @@ def test_the_page_says_numbers_and_where_they_are_from(made: Made, html: str):
     text = plain(html)
     assert "0.81 ± 0.09" in text
     assert "2 of 2" in text
-    assert text.count(made.metrics["results"]) == 7  # claims, tables, four figures, and the figures' origin
+    assert text.count(made.metrics["results"]) == 8  # claims, tables, five figures, and the figures' origin
     assert "dvc repro figures" in text
     assert text.count("Line: mean over n = 2 seeds. Shaded: 1 SD over seeds.") == 4
     assert "learn from the last 200 transitions" in text
@@ -97,7 +101,7 @@ def test_the_pages_lead_to_each_other(html: str):
 def test_constants_stand_below_their_sections(html: str):
     found = {row[0]: row[1] for row in rows(html, "constants")}
     assert found["attached_steps"] == str(LENGTHS["attached_steps"])
-    assert found["seed"] == "20261"
+    assert found["seed"] == str(params.load().seed)
 
 
 def test_every_joint_of_the_paper_is_on_the_page(html: str):
@@ -158,17 +162,19 @@ def test_what_a_name_holds_is_escaped(made: Made):
 
 
 def test_every_claim_stands_on_the_page_with_its_tests(made: Made, html: str):
+    claims = made.claims["claims"]
+    assert len(verdicts.primary(claims)) > 70
+    expected = [[claim["name"], *(said(claim[group]) for group in judgement.GROUPS)] for claim in claims]
+    for claim in claims:
+        tests = list(verdicts.tests(claim))
+        expected += [[test["says"], "" if group == "besides" else word(test)] for group, test in tests]
+        expected += [
+            [test["says"], test["margins"]["0.75"], test["verdict"], test["margins"]["1.25"]]
+            for group, test in tests
+            if group != "besides"
+        ]
     found = rows(html, "claims")
-    tests = [test for claim in made.claims["claims"] for test in claim["tests"]]
-    assert len(tests) > 40
-    assert [row[:2] for row in found] == [
-        *([claim["name"], claim["verdict"]] for claim in made.claims["claims"]),
-        *(
-            [test["says"], test["verdict"] if test in claim["tests"] else ""]
-            for claim in made.claims["claims"]
-            for test in claim["tests"] + claim["afterwards"]
-        ),
-    ]
+    assert [row[: len(wanted)] for row, wanted in zip(found, expected, strict=True)] == expected
     text = plain(html)
     for claim in made.claims["claims"]:
         assert f"{claim['says']} Paper {claim['section']}, {claim['panel']}" in text
@@ -176,10 +182,41 @@ def test_every_claim_stands_on_the_page_with_its_tests(made: Made, html: str):
     assert '<a href="#fig3">3 C</a>, <a href="#fig4">4 C</a>' in html
 
 
+def word(judged: Mapping[str, Any]) -> str:
+    return judged["verdict"] + (" saturated" if judged["saturated"] else "")
+
+
+def said(group: dict[str, Any]) -> str:
+    return word(group) + (f" Holm: {group['holm']}" if group["holm"] != group["verdict"] else "")
+
+
+def test_the_page_says_whether_the_verdicts_were_registered(made: Made, html: str):
+    assert "These verdicts are exploratory: reports/registered.json cannot be read." in plain(html)
+    standing = {"confirmatory": True, "seed": 7, "before": [5], "at": "2026-01-02 03:04 UTC"}
+    text = plain(shown(replace(made, claims=made.claims | {"registration": standing})))
+    assert "constants and the root seed 7 were registered in git at 2026-01-02 03:04 UTC, before the first" in text
+    assert "was made; before that, with root seeds 5." in text
+
+
+def test_a_saturated_test_says_so(made: Made):
+    claim = made.claims["claims"][0]
+    test = claim["shown"]["tests"][0] | {"verdict": "undecided", "saturated": True, "locked": 0.96}
+    judged = claim | {"shown": {"verdict": "undecided", "holm": "undecided", "saturated": True, "tests": [test]}}
+    found = rows(shown(replace(made, claims=made.claims | {"claims": [judged]})), "claims")
+    assert found[0][1] == found[1][1] == "undecided saturated"
+    assert next(row for row in found if "96 %" in row[-1])[0] == test["says"]
+
+
+def test_readings_are_on_the_page_as_a_table(html: str):
+    sections = [row[0] for row in rows(html, "readings")]
+    assert "§3.3, §4.1" in sections
+    assert "<h3>What is not blind</h3>" in html
+
+
 def test_a_tests_row_says_effect_interval_region_unit_and_seeds(made: Made, html: str):
     claim = next(claim for claim in made.claims["claims"] if claim["name"].startswith("9"))
-    test = next(test for test in claim["tests"] if test["name"] == "free_cais_surprise_p")
-    row = next(row for row in reversed(rows(html, "claims")) if row[0] == test["says"])
+    test = next(test for test in claim["said"]["tests"] if test["name"] == "free_cais_surprise_p")
+    row = next(row for row in rows(html, "claims") if row[0] == test["says"])
     assert row == [test["says"], "holds", "0.562", "[0.500, 0.625]", "≥ 0.05 P(MOVE)", "2", ""]
     assert "<title>0.500, 0.625</title>" in html
 

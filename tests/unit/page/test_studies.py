@@ -43,7 +43,7 @@ def test_a_variants_verdicts_reach_the_page(html: str, claims: dict[str, Any]):
     text = plain(html)
     assert "gain_1: does it? rewards.gain 1.0 in place of 0.3" in text
     assert "heavy: does mass? world.mobile_mass 0.3 in place of 0.03" in text
-    test = claims["claims"][0]["tests"][0]
+    test = claims["claims"][0]["shown"]["tests"][0]
     said = f"{numbers.number(test['effect'], 3)} {verdicts.interval(test['interval'])} {test['verdict']}"
     assert rows(html, "decides")[0][1:] == [said, said, ""]  # here the variants' runs are the published ones
     assert f"gain_1<br>n = {SEEDS}" in html
@@ -51,11 +51,11 @@ def test_a_variants_verdicts_reach_the_page(html: str, claims: dict[str, Any]):
 
 def test_variants_stand_beside_the_published_runs(claims: dict[str, Any]):
     claim = claims["claims"][0]
-    test = claim["tests"][0]
+    test = claim["shown"]["tests"][0]
     other = test | {"effect": -0.25, "interval": [-0.5, 0.25], "verdict": "fails"}
     own = {"asks": "does it?", "set": {"rewards.gain": 1.0}, "published": {"rewards.gain": 0.3}, "seeds": 5}
     variants = {
-        "gain_1": own | {"claims": [claim | {"tests": [other], "complete": False}]},
+        "gain_1": own | {"claims": [claim | {"shown": {"tests": [other]}, "said": {"tests": []}, "besides": []}]},
         "other": own | {"claims": []},
     }
     html = page.studies(claims, variants, EFFECTS, [])

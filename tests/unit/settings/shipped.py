@@ -1,9 +1,9 @@
 """The two shipped files of settings: their keys, and what is said when some of them are changed."""
 
 import copy
+import functools
 import re
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,10 @@ class Shipped:
     def __repr__(self) -> str:
         return self.path.relative_to(ROOT).as_posix()
 
+    def at(self, keys: Keys) -> Any:
+        """The value there."""
+        return functools.reduce(lambda section, key: section[key], keys, self.whole)
+
     def changed(self, changes: Mapping[Keys, Any]) -> dict[str, Any]:
         """Its values with others at some keys."""
         whole = copy.deepcopy(self.whole)
@@ -67,7 +71,7 @@ class Shipped:
 
 
 PARAMS = Shipped("params.yaml", Params, params.load)
-STUDIES = Shipped("studies/params.yaml", Studies, partial(studies.load, params.load(PARAMS.path)))
+STUDIES = Shipped("studies/params.yaml", Studies, functools.partial(studies.load, params.load(PARAMS.path)))
 FILES = (PARAMS, STUDIES)
 
 
@@ -91,5 +95,5 @@ def label(part: object) -> str | None:
 VALUES = [(file, keys, value) for file in FILES for keys, value in walk(file.whole)]
 PLACES = [(file, keys) for file, keys, _ in VALUES]
 SECTIONS = [(file, keys) for file, keys, value in VALUES if isinstance(value, dict) and keys[-1] not in NAMED]
-NUMBERS = [(file, keys) for file, keys, value in VALUES if isinstance(value, int | float)]
+NUMBERS = [(file, keys) for file, keys, value in VALUES if type(value) in (int, float)]
 FLOATS = [(file, keys) for file, keys, value in VALUES if isinstance(value, float)]

@@ -36,7 +36,16 @@ def test_a_sweep_of_unknown_or_repeated_entries_is_refused(keys: Keys, wrong: ob
     [
         ({("protocol", "torque_updates"): 121}, "torque_updates must not exceed updates_per_step"),
         ({("collect", "pair_updates"): 120}, "pair_updates must be less than protocol.updates_per_step"),
-        ({("film", "run"): "cais/seed-010"}, "film.run must be one of the runs of sweep"),
+        (
+            {
+                ("protocol", "updates_per_step"): 11,
+                ("protocol", "torque_updates"): 11,
+                ("collect", "pair_updates"): 1,
+                ("rewards", "rtl", "frames"): 12,
+            },
+            "rewards.rtl must need no more pictures of a step than protocol.updates_per_step",
+        ),
+        ({("film", "run"): "cais/seed-020"}, "film.run must be one of the runs of sweep"),
     ],
 )
 def test_values_that_do_not_fit_each_other_are_refused(changes: dict[Keys, Any], words: str, tmp_path: Path) -> None:

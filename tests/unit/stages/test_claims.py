@@ -1,5 +1,6 @@
 """Stage claims, on made curves whose verdicts are known; and reading curves back."""
 
+import itertools
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,8 +10,10 @@ import pytest
 
 from mimo.record import artifact
 from mimo.record.artifact import Dataset
+from mimo.settings import params
 from stages import claims
 from stages.base import paths, store
+from stages.page import verdicts
 from stages.sweep.curves import curves_of, judged, phases_of
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -30,12 +33,15 @@ def cell(rise: float) -> dict[str, np.ndarray]:
     p = np.full((SEEDS, STEPS), 0.3, np.float32)
     p[:, 40:120] += rise + 0.01 * np.arange(SEEDS, dtype=np.float32)[:, None]
     return {
+        "locked": np.zeros_like(p),
         "move_probability/attached": p,
         "move_probability/others": np.full_like(p, 0.3),
         "q_move/attached": p,
         "q_move/others": np.full_like(p, 0.3),
+        "q_rest/attached": still,
         "reward/all": still,
         "reward/attached": still,
+        "displacement": still,
         "path_length": still,
         "latent_length": still,
     }
@@ -67,13 +73,13 @@ def test_a_variants_curves_are_its_own(tmp_path: Path) -> None:
     )
     assert set(curves_of(held, "gain_1/")) == {("free", "mtl")}
     assert set(curves_of(held, "gain_10/")) == {("free", "cais")}
-    names = {test["name"] for claim in judged(held, "gain_1/") for test in claim["tests"]}
-    assert names == {"mtl_rises", "mtl_returns", "free_mtl_p", "free_mtl_q"}
+    names = {test["name"] for test in verdicts.primary(judged(held, "gain_1/"))}
+    assert names == {"mtl_sharp", "mtl_rises", "mtl_grows", "free_mtl_p", "free_mtl_q"}
     assert judged(held, "gain/") == []
 
 
 def test_claims_json_says_of_what_it_is_and_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "params.yaml").write_text((ROOT / "params.yaml").read_text())
+    listed(tmp_path)
     monkeypatch.chdir(tmp_path)
     held = write(paths.RESULTS, store.RESULTS, {"free/mtl": cell(0.2), "free/cais_surprise": cell(0.0)})
     claims.main()
@@ -82,18 +88,30 @@ def test_claims_json_says_of_what_it_is_and_rounds(tmp_path: Path, monkeypatch: 
     assert (found["results"], found["level"]) == (held.content, 0.95)
     by_name = {claim["name"]: claim for claim in found["claims"]}
     learns = by_name["3 all learn, quiet"]
-    assert (learns["complete"], learns["verdict"]) == (False, "undecided")
-    assert [test["name"] for test in learns["tests"]] == ["free_mtl_p", "free_mtl_q"]
-    test = learns["tests"][0]
-    assert test["seeds"] == [0.2, 0.21, 0.22]
+    assert (learns["complete"], learns["said"]["verdict"]) == (False, "undecided")
+    assert [test["name"] for test in learns["shown"]["tests"]] == ["free_mtl_q"]
+    (test,) = learns["said"]["tests"]
+    assert (test["name"], test["seeds"]) == ("free_mtl_p", [0.2, 0.21, 0.22])
     assert (test["effect"], test["n"], test["verdict"], test["region"]) == (0.21, 3, "holds", [0.05, None])
-    assert by_name["9 CAIS + Surprise learns"]["verdict"] == "fails"
+    assert by_name["9 CAIS + Surprise learns"]["said"]["verdict"] == "fails"
+    assert found["registration"]["why"] == "reports/registered.json cannot be read"
     claims.main()
     assert paths.CLAIMS.read_text() == text
     assert headlines() == {
-        "verdicts": {"holds": 0, "fails": 3, "undecided": 1},
+        "shown": {"holds": 0, "fails": 3, "undecided": 1},
+        "said": {"holds": 0, "fails": 2, "undecided": 2},
         "lead-free": {"mtl": 0.21, "cais_surprise": 0.01},
     }
+
+
+def listed(project: Path) -> None:
+    """The files that the stage reads besides the curves, with no run in any cell."""
+    (project / "params.yaml").write_text((ROOT / "params.yaml").read_text())
+    settings = params.load(project / "params.yaml").sweep
+    for condition, reward in itertools.product(settings.conditions, settings.rewards):
+        manifest = project / paths.manifest(condition, reward)
+        manifest.parent.mkdir(parents=True, exist_ok=True)
+        manifest.write_text("[]")
 
 
 def headlines() -> dict[str, dict[str, float]]:
@@ -102,12 +120,12 @@ def headlines() -> dict[str, dict[str, float]]:
 
 @pytest.mark.filterwarnings("ignore:.*confidence interval cannot be calculated")
 def test_an_effect_that_is_no_number_is_null_and_undecided(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "params.yaml").write_text((ROOT / "params.yaml").read_text())
+    listed(tmp_path)
     monkeypatch.chdir(tmp_path)
     flat = {name: np.zeros_like(values) for name, values in cell(0.0).items()}
-    write(paths.RESULTS, store.RESULTS, {"free/mtl": flat})
+    write(paths.RESULTS, store.RESULTS, {"free/rtl": flat})
     with np.errstate(invalid="ignore"):
         claims.main()
-    found = json.loads(paths.CLAIMS.read_text())["claims"][0]["tests"]
-    test = next(test for test in found if test["name"] == "mtl_returns")
+    found = json.loads(paths.CLAIMS.read_text())["claims"][0]["shown"]["tests"]
+    test = next(test for test in found if test["name"] == "rtl_returns")
     assert (test["seeds"], test["effect"], test["verdict"]) == ([None] * 3, None, "undecided")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mimo.record import artifact
+from mimo.settings import params
 from mimo.world import body
 from stages import explore
 from stages.base import paths, store
@@ -35,17 +36,21 @@ def test_every_run_is_there_joint_by_joint_in_blocks_of_steps(project: Path) -> 
         "left_hip1", "left_hip2", "left_knee",
     ]  # fmt: skip
     assert len(found["cells"]) == 14
+    temperature = params.load().agent.temperature
     shape = (SEEDS, len(body.ACTUATED), 80)
     for seed in range(SEEDS):
         run = artifact.read(paths.run("noisy", "rtl_surprise", seed), store.RUN)
         cell = found["cells"]["noisy/rtl_surprise"]
-        for curve, values in (("move_probability", run["move_probability"]), ("q_move", run["q"][..., 1])):
+        for curve, values in (
+            ("move_probability", run["move_probability"]),
+            ("q_move", run["q"][..., 1] / temperature),
+        ):
             got = unpacked(cell[curve], shape)[seed]
             assert np.abs(got - values.T).max() <= np.ptp(values) / 1000
 
 
 def test_a_blocks_value_is_the_mean_of_its_steps(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mimo.science.analysis.window", lambda phases: 8)
+    monkeypatch.setattr("mimo.science.summary.window", lambda phases: 8)
     written = {}
     monkeypatch.setattr("stages.base.numbers.write", lambda made, path: written.update(made))
     explore.main()

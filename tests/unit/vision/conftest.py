@@ -23,7 +23,13 @@ def _as_it_was() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def few(pairs: np.ndarray) -> np.ndarray:
     """Six pairs, of all regimes."""
-    return np.ascontiguousarray(pairs[4::7])
+    return np.ascontiguousarray(pairs.reshape(-1, *pairs.shape[2:])[4::7])
+
+
+@pytest.fixture(scope="session")
+def grouped(few: np.ndarray) -> np.ndarray:
+    """The same, as training takes them: two groups of three."""
+    return few.reshape(2, 3, *few.shape[1:])
 
 
 @pytest.fixture(scope="session")
@@ -33,5 +39,5 @@ def brief(tiny: params.Params) -> params.Encoder:
 
 
 @pytest.fixture(scope="session")
-def learned(brief: params.Encoder, few: np.ndarray) -> Trained:
-    return train(brief, few, np.random.default_rng(3))
+def learned(brief: params.Encoder, grouped: np.ndarray) -> Trained:
+    return train(brief, grouped, np.random.default_rng(3))

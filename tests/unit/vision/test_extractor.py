@@ -23,9 +23,12 @@ def test_h_over_the_training_frames_is_centred_and_scaled(
     assert h.shape == (12, 64)
     assert h.mean(axis=0) == pytest.approx(np.zeros(64), abs=1e-4)
     assert h.std(axis=0) == pytest.approx(np.full(64, brief.latent_sd), rel=1e-4)
-    expected = np.quantile(h, np.arange(1, 100) / 100, axis=0).T
-    assert learned.quantiles == pytest.approx(expected, abs=1e-4)
-    assert (np.diff(learned.quantiles, axis=1) >= 0).all()
+    assert learned.quantiles.shape == (2, 64, 99)
+    for group, seen in enumerate((h[:6], h[6:])):  # three pairs each
+        expected = np.quantile(seen, np.arange(1, 100) / 100, axis=0).T
+        assert learned.quantiles[group] == pytest.approx(expected, abs=1e-4)
+    assert (np.diff(learned.quantiles, axis=-1) >= 0).all()
+    assert np.abs(learned.quantiles[0] - learned.quantiles[1]).max() > 0.1
 
 
 def test_h_is_the_networks_output_less_the_mean_over_the_sd(few: np.ndarray) -> None:

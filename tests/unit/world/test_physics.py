@@ -6,7 +6,7 @@ import pytest
 
 from mimo.settings import params
 from mimo.world import body, scene
-from mimo.world.physics import DivergedError, Worlds
+from mimo.world.physics import DivergedError, Outcome, Worlds
 
 P = params.load()
 
@@ -114,6 +114,26 @@ def test_path_length_and_centre_against_a_plain_loop(built: scene.Scene) -> None
     assert np.linalg.norm(data.subtree_com[built.mobile] - last) > 1e-4
     assert outcome.centre_of_mass[0] == pytest.approx(last, abs=1e-12)
     assert w.qpos[0] == pytest.approx(data.qpos, abs=1e-12)
+
+
+@pytest.mark.parametrize(("count", "ends"), [(1, [120]), (4, [30, 60, 90, 120]), (7, [17, 34, 51, 68, 85, 102, 120])])
+def test_the_parts_of_a_step_are_as_even_as_updates_are(
+    count: int, ends: list[int], built: scene.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    updates: list[int] = []
+    advance = Worlds._advance
+
+    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Outcome:
+        updates.append(control.shape[1])
+        return advance(self, control, attached)
+
+    monkeypatch.setattr(Worlds, "_advance", spy)
+    one = worlds(built, 40.0, 1)
+    *_, last = one.parts(*kick(one, "left_knee"), attached=True, count=count)
+    assert np.cumsum(updates).tolist() == ends
+    two = worlds(built, 40.0, 1)
+    whole = two.step(*kick(two, "left_knee"), attached=True)
+    assert last.centre_of_mass.tobytes() == whole.centre_of_mass.tobytes()
 
 
 def test_the_pieces_of_a_step_are_the_step(built: scene.Scene) -> None:

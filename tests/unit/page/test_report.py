@@ -195,7 +195,7 @@ def test_the_page_says_whether_the_verdicts_were_registered(made: Made, html: st
     standing = {"confirmatory": True, "seed": 7, "before": [5], "at": "2026-01-02 03:04 UTC"}
     text = plain(shown(replace(made, claims=made.claims | {"registration": standing})))
     assert "constants and the root seed 7 were registered in git at 2026-01-02 03:04 UTC, before the first" in text
-    assert "was made; before that, with root seeds 5." in text
+    assert "was made; others have root seeds 5." in text
 
 
 def test_a_saturated_test_says_so(made: Made):

@@ -26,21 +26,24 @@ ONSETS = (("attached", "rope comes"), ("extinction", "rope goes"))
 AROUND = 200  # steps before and after an onset
 SMOOTHED = 10  # steps
 WINDOWS = (10, 20, 30, 50, 75, 100, 150, 200)  # steps
-ROW, LEFT, COLUMN, GAP = 25.0, 19.0, 40.0, 9.0  # mm
+ROW, LEFT, RIGHT, GAP = 25.0, 19.0, 1.0, 9.0  # mm
 
 
 def draw(results: Artifact, conditions: Sequence[str]) -> Figure:
     """Four curves around both onsets; below, the change as the rope goes, over windows of any length."""
-    height = ROW * len(ROWS) + 79
+    height, column = ROW * len(ROWS) + 79, (WIDTH - LEFT - RIGHT) / (2 * len(conditions))
     figure, ax = page(height)
     phases = phases_of(results)
     seeds = int(results.about["seeds"])
     note(ax, (WIDTH / 2, height - 3), f"Mean over n = {seeds} seeds; moving average over {SMOOTHED} steps")
     for place, (condition, (phase, title)) in enumerate(product(conditions, ONSETS)):
-        x = LEFT + place * COLUMN
-        ax.text(x + (COLUMN - GAP) / 2, height - 9, f"{condition.capitalize()}: {title}", ha="center", **HEADING)
+        x = LEFT + place * column
+        ax.text(x + (column - GAP) / 2, height - 9, f"{condition.capitalize()}: {title}", ha="center", **HEADING)
         for row, (curve, name) in enumerate(ROWS):
-            axes = inset(figure, (x, height - 13 - (row + 1) * ROW + 5), COLUMN - GAP, ROW - 5)
+            axes = inset(figure, (x, height - 13 - (row + 1) * ROW + 5), column - GAP, ROW - 5)
+            roped = (0.5, AROUND) if phase == "attached" else (-AROUND, 0.5)
+            axes.axvspan(*roped, color=GROUND, lw=0, zorder=0)
+            axes.set_xlim(-AROUND, AROUND)
             for reward, group in product(REWARDS, analysis.GROUPS):
                 _around(axes, results, (condition, reward, f"{curve}/{group}"), phases, phase)
             axes.yaxis.set_major_locator(MaxNLocator(4))
@@ -48,13 +51,13 @@ def draw(results: Artifact, conditions: Sequence[str]) -> Figure:
                 axes.tick_params(labelbottom=False)
             if not place:
                 note(ax, (5, height - 13 - (row + 0.5) * ROW + 2.5), name, rotation=90)
-        note(ax, (x + (COLUMN - GAP) / 2, 61), "steps from the onset")
+        note(ax, (x + (column - GAP) / 2, 61), "steps from the onset")
     for place, (condition, curve) in enumerate(product(conditions, ("q_move", "move_probability"))):
-        x = LEFT + place * COLUMN
-        _stretched(inset(figure, (x, 17), COLUMN - GAP, 30), results, condition, curve, phases)
+        x = LEFT + place * column
+        _stretched(inset(figure, (x, 17), column - GAP, 30), results, condition, curve, phases)
         title = "P(MOVE)" if curve == "move_probability" else "Q(MOVE) / temperature"
-        note(ax, (x + (COLUMN - GAP) / 2, 50), f"{condition}: {title}")
-        note(ax, (x + (COLUMN - GAP) / 2, 10), "window, steps")
+        note(ax, (x + (column - GAP) / 2, 50), f"{condition}: {title}")
+        note(ax, (x + (column - GAP) / 2, 10), "window, steps")
     note(ax, (5, 32), "change as the\nrope goes", rotation=90)
     handles = [
         *(Line2D([], [], color=COLOURS[reward], label=summary.label(reward)) for reward in REWARDS),
@@ -76,9 +79,6 @@ def _around(ax: Axes, results: Artifact, which: tuple[str, str, str], phases: Ma
     for first, last in ((max(0, onset - AROUND), onset), (onset, min(len(mean), onset + AROUND))):
         steps = np.arange(first, last)
         ax.plot(steps - onset + 1, mean[first:last], color=COLOURS[reward], ls=DASHES[curve.split("/")[1]], lw=0.8)
-    roped = (0.5, AROUND) if phase == "attached" else (-AROUND, 0.5)
-    ax.axvspan(*roped, color=GROUND, lw=0, zorder=0)
-    ax.set_xlim(-AROUND, AROUND)
 
 
 def _stretched(ax: Axes, results: Artifact, condition: str, curve: str, phases: Mapping[str, slice]) -> None:

@@ -1,5 +1,6 @@
 """Claims and their tests, of mimo.science.claims, as the page shows them."""
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -84,14 +85,15 @@ def tests(claim: Mapping[str, Any]) -> Iterator[tuple[str, Test]]:
 def refuted(test: Test) -> bool:
     """Whether a test's interval lies outside its region, whatever its verdict."""
     (low, high), bounds = test["region"], test["interval"]
-    if bounds is None or None in bounds:
+    if bounds is None or None in bounds:  # of effects that are no numbers
         return False
-    return (low is not None and bounds[1] < low) or (high is not None and bounds[0] > high)
+    region = -math.inf if low is None else low, math.inf if high is None else high
+    return judgement.verdict((bounds[0], bounds[1]), *region) == judgement.FAILS
 
 
 def primary(claims: Iterable[Mapping[str, Any]]) -> list[Test]:
     """The tests that verdicts are made of, of all claims."""
-    return [test for claim in claims for group in judgement.GROUPS for test in claim[group]["tests"]]
+    return [test for claim in claims for group, test in tests(claim) if group in judgement.GROUPS]
 
 
 def compared(published: Judged, variants: Mapping[str, Judged]) -> dict[str, list[list[Test | None]]]:

@@ -64,7 +64,10 @@ def replay(
         # One update at a time gives the same numbers; the run's record is what shows it.
         cuts = range(1, p.protocol.updates_per_step) if step in shown else ()
         lengths, track = [], []
-        for outcome in worlds.pieces(moved, positive, phase(p.protocol, step) == "attached", cuts):
+        tied = phase(p.protocol, step) == "attached"
+        if "attached" in run.datasets:  # a rope that holds in some steps alone
+            tied = bool(run["attached"][step])
+        for outcome in worlds.pieces(moved, positive, tied, cuts):
             lengths.append(outcome.path_length)
             track.append(worlds.qpos[0])
         if step in shown:

@@ -13,10 +13,9 @@ from mimo.record import artifact, identity
 from mimo.settings import params, studies
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from stages import collect, effects, trial
-from stages import encoder as training
+from stages import effects, trial
 from stages.base import command, console, paths, store
-from stages.sweep import scales
+from stages.sweep import encoders, scales
 
 Inputs = Mapping[str, Any]
 
@@ -118,13 +117,13 @@ def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]
 
 
 def _frames(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
-    yield collect.made_from(p).inputs
+    yield encoders.frames_digest(p).inputs
 
 
 def _encoders(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    yield training.made_from(p, frames).inputs
-    yield training.made_from(trial.settings(p), frames, measured=False).inputs
+    yield encoders.digest(p, frames).inputs
+    yield encoders.digest(trial.settings(p), frames, measured=False).inputs
 
 
 def _curves(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:

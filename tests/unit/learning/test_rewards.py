@@ -16,7 +16,7 @@ PAPERS = ("cais", "mtl", "rtl", "surprise")
 
 
 def settings(cais: str = "move", surprise: str = "taken", frames: int = 1) -> params.Rewards:
-    own = {"cais": {"pays": cais}, "surprise": {"pays": surprise}, "rtl": {"frames": frames}}
+    own = {"cais": {"pays": cais}, "surprise": {"pays": surprise, "weight": 1.0}, "rtl": {"frames": frames}}
     return params.checked(params.load().rewards, own)
 
 

@@ -1,4 +1,4 @@
-"""studies/params.yaml: what is asked beyond the paper, each by changing a few values of params.yaml."""
+"""studies/params.yaml: what is asked beyond the paper, each study by changing a few values of params.yaml."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,8 +12,15 @@ from mimo.settings.section import Condition, Section, Seeds, Worlds
 
 PATH = Path("studies/params.yaml")
 FEWEST = 20  # agent steps of an effect
-# What a variant may change: it keeps the seed, the protocol and the published encoder, whatever world that has seen.
-VARIED = ("conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd")
+# What a variant may change: it keeps the seed, the phases and, but for `collect`, the published encoder.
+VARIED = (
+    "conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd", "protocol.limb", "collect.limbs",
+    "collect.draw",
+)  # fmt: skip
+FIGURES = 3  # measures that a study's figure has room for
+
+Text = Annotated[str, Field(min_length=1)]
+Cells = Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
 
 
 class Effects(Section):
@@ -47,49 +54,83 @@ class Effects(Section):
 
 
 class Variant(Section):
-    """The published params with some values changed, and the few cells that show what it does.
+    """The published params with some values changed.
 
-    `set` has a value, or a list, by dotted key; `load` checks them. `cells` has rewards' names by condition.
+    `set` has a value, or a list, by dotted key; `load` checks them. `cells` has rewards' names by condition, where they
+    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked).
     """
 
-    asks: Annotated[str, Field(min_length=1)]
-    set: Annotated[dict[str, Any], Field(min_length=1)]
-    cells: Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
-
-    @property
-    def pairs(self) -> tuple[tuple[Condition, str], ...]:
-        """Condition and reward of each cell."""
-        return tuple((condition, reward) for condition, rewards in self.cells.items() for reward in rewards)
+    asks: Text | None = None
+    set: dict[str, Any]
+    cells: Cells | None = None
+    yoked: Text | None = None
 
     @model_validator(mode="after")
     def _known(self) -> "Variant":
-        fixed = [
-            key
+        faults = [
+            f"set has {shown(key)}, but a variant may change only {', '.join(VARIED)}"
             for key in self.set
             if key.split(".")[0] in Params.model_fields and not any(f"{key}.".startswith(f"{v}.") for v in VARIED)
         ]
-        faults = [f"set has {shown(key)}, but a variant may change only {', '.join(VARIED)}" for key in fixed]
-        for condition, rewards in self.cells.items():
+        faults += [f"set has {shown(key)}, a section; give its values" for key, v in self.set.items() if _section(v)]
+        for condition, rewards in (self.cells or {}).items():
             faults += bad_rewards(f"cells.{condition}", rewards, REWARDS)
-        return unless(faults, self)
+        return unless(faults + (bad_rewards("yoked", [self.yoked], REWARDS) if self.yoked else []), self)
 
 
-class Sweeps(Section):
-    """Variants of the published params, each in `seeds` seeds: which constant decides what is found?"""
+def _section(value: object) -> bool:
+    return isinstance(value, dict)
 
+
+class Study(Section):
+    """A question, and the variants whose runs answer it.
+
+    `asks` is the question, `expects` what the paper or earlier work let expect, `limits` what the answer cannot say.
+    `seeds` seeds are computed of each cell; `measures` (mimo.science.measures) are shown, the first FIGURES in the
+    figure. Where `axis` is a key that every variant sets to a number, and the published params have one too, effects
+    are shown against it.
+    """
+
+    title: Text
+    asks: Text
+    expects: Text
+    limits: Text
     seeds: Seeds
+    measures: Annotated[list[str], Field(min_length=1)]
+    axis: Text | None = None
+    cells: Cells
     variants: Annotated[dict[str, Variant], Field(min_length=1)]
 
+    def pairs(self, variant: str) -> tuple[tuple[Condition, str], ...]:
+        """Condition and reward of each of a variant's cells."""
+        cells = self.variants[variant].cells or self.cells
+        return tuple((condition, reward) for condition, rewards in cells.items() for reward in rewards)
+
     @model_validator(mode="after")
-    def _named(self) -> "Sweeps":
-        return unless(bad_names("variants", self.variants), self)
+    def _known(self) -> "Study":
+        faults = bad_names("variants", self.variants)
+        if len(set(self.measures)) < len(self.measures):
+            faults.append("measures names one entry twice")
+        for condition, rewards in self.cells.items():
+            faults += bad_rewards(f"cells.{condition}", rewards, REWARDS)
+        if self.axis:
+            faults += [
+                f"variants.{name}.set must give {shown(self.axis)}, the axis, a number"
+                for name, variant in self.variants.items()
+                if not isinstance(variant.set.get(self.axis), int | float)
+            ]
+        return unless(faults, self)
 
 
 class Studies(Section):
     """The whole of studies/params.yaml."""
 
     effects: Effects
-    sweeps: Sweeps
+    studies: Annotated[dict[str, Study], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _named(self) -> "Studies":
+        return unless(bad_names("studies", self.studies), self)
 
 
 def load(params: Params, path: Path = PATH) -> Studies:
@@ -102,15 +143,35 @@ def load(params: Params, path: Path = PATH) -> Studies:
     Raises:
         ParamsError: unreadable, or one or more values do not hold; all faults at once, a sentence each.
     """
-    studies = loaded(path, Studies)
-    changes = {f"sweeps.variants.{name}.set": variant.set for name, variant in studies.sweeps.variants.items()}
-    changes |= {f"effects.alternatives.{name}": values for name, values in studies.effects.alternatives.items()}
+    found = loaded(path, Studies)
+    changes = {
+        f"studies.{name}.variants.{own}.set": variant.set
+        for name, study in found.studies.items()
+        for own, variant in study.variants.items()
+    }
+    changes |= {f"effects.alternatives.{name}": values for name, values in found.effects.alternatives.items()}
     faults = []
     for where, values in changes.items():
         try:
             changed(params, values)
         except ParamsError as error:
             faults += [f"{path}: {where}: {sentence}" for sentence in str(error).splitlines()]
+    faults += [
+        f"{path}: studies.{name}.variants.{own} {fault}."
+        for name, study in found.studies.items()
+        for own, variant in study.variants.items()
+        if variant.yoked
+        for fault in _without_donors(params, variant, {condition for condition, _ in study.pairs(own)})
+    ]
     if faults:
         raise ParamsError("\n".join(faults))
-    return studies
+    return found
+
+
+def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:
+    """Why there are no donors for a yoked variant: they are the paper's own runs."""
+    faults = ["is yoked, so its set must be empty: donors' worlds are the paper's"] if variant.set else []
+    if variant.yoked not in params.sweep.rewards:
+        faults.append(f"is yoked to {shown(variant.yoked)}, which is not among sweep.rewards")
+    lacking = sorted(conditions - set(params.sweep.conditions))
+    return [*faults, *(f"is yoked in {shown(condition)}, which is not among sweep.conditions" for condition in lacking)]

@@ -15,7 +15,7 @@ from stages.base import paths, provenance
 
 # Kinds of artifact, as their schemas call them.
 FRAME, ENCODER, REST, SCALE, EFFECT = "frame", "encoder", "rest", "scale", "effect"
-RUN, RESULTS, VARIANTS = "run", "results", "variants"
+RUN, RESULTS, STUDY = "run", "results", "study"
 
 
 def sight(held: artifact.Artifact) -> str:

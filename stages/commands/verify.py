@@ -131,7 +131,7 @@ def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, wo
     Raises:
         console.StageError: the working tree's run is another one than the published, or computing it failed.
     """
-    job = sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": sweep.grid(p)})
+    job = {"": sweep.grid(p)}
     wanted = {paths.run(run.condition, run.reward, run.seed): run for run in sweep.wanted(job)}
     todo = {}
     for path in chosen:

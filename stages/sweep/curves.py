@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mimo.learning.rewards import REWARDS
 from mimo.record import artifact
 from mimo.science import analysis, claims, judgement
 from mimo.settings.params import Params
@@ -24,7 +25,6 @@ UNITS = {  # of the curves whose datasets in a run do not say it
     "locked": "1",
     "displacement": "m",
 }
-PART_UNITS = {"mtl": "m", "rtl": "h", "cais": "h", "surprise": "h"}
 
 Cells = dict[tuple[str, str], dict[str, np.ndarray]]  # curves, (seed, step) by name, of each condition and reward
 
@@ -163,5 +163,5 @@ def _unit(curve: str, run: artifact.Artifact) -> str:
     """From the run's own dataset, unless that knows none."""
     start, _, rest = curve.partition("/")
     if start == "part":
-        return PART_UNITS.get(rest.split("/")[0], "own units")
+        return REWARDS[rest.split("/")[0]].unit
     return UNITS[start] if start in UNITS else run.datasets[start].units

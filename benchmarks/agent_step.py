@@ -55,7 +55,7 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
     trained = untrained(p.encoder)
     run = Experiment(p, condition, reward, range(size), trained, dict.fromkeys(REWARDS, 1.0))
     spent = dict.fromkeys((*PARTS, "whole"), 0.0)
-    inputs: list[tuple[np.ndarray, bool]] = []
+    inputs: list[tuple[np.ndarray, Tied]] = []
     worlds, perception = run.experience.worlds, run.experience.perception
     assert isinstance(worlds, Worlds)
     advance = worlds._advance

@@ -17,7 +17,7 @@ from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
-from mimo.world.physics import DivergedError, Worlds
+from mimo.world.physics import DivergedError, Tied, Worlds
 from mimo.world.protocol import MOVE
 from tests.unit.learning.recorded import ALL, ATTACHED, STEPS, Records, Runs, arrays
 
@@ -60,10 +60,10 @@ def test_progress_counts_steps(tiny: Params, trained: Trained, scales: dict[str,
 def test_the_rope_is_on_in_the_attached_phase_alone(
     tiny: Params, trained: Trained, scales: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[bool] = []
+    told: list[Tied] = []
     advance = Worlds._advance
 
-    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Any:
+    def spy(self: Worlds, control: np.ndarray, attached: Tied) -> Any:
         told.append(attached)
         return advance(self, control, attached)
 

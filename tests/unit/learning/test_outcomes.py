@@ -21,7 +21,7 @@ Remembered = tuple[np.ndarray, np.ndarray]  # action, and the h that followed
 def settings(**changes: float | str) -> params.Outcomes:
     defaults: dict[str, float | str] = {
         "quantiles": QUANTILES, "kappa": 1.0, "learning_rate": 0.001, "batches": "own", "batch": 8, "memory": 500,
-        "marginal": "table", "start": "detached",
+        "action": "joint", "marginal": "table", "start": "detached",
     }  # fmt: skip
     return params.Outcomes.model_validate(defaults | changes)
 

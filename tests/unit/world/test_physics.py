@@ -6,7 +6,7 @@ import pytest
 
 from mimo.settings import params
 from mimo.world import body, scene
-from mimo.world.physics import DivergedError, Outcome, Worlds
+from mimo.world.physics import DivergedError, Outcome, Tied, Worlds
 
 P = params.load()
 
@@ -123,7 +123,7 @@ def test_the_parts_of_a_step_are_as_even_as_updates_are(
     updates: list[int] = []
     advance = Worlds._advance
 
-    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Outcome:
+    def spy(self: Worlds, control: np.ndarray, attached: Tied) -> Outcome:
         updates.append(control.shape[1])
         return advance(self, control, attached)
 

@@ -164,6 +164,26 @@ def test_a_world_is_the_same_bytes_in_any_company(built: scene.Scene) -> None:
         assert together.centre_of_mass[2].tobytes() == apart.centre_of_mass[0].tobytes()
 
 
+def test_the_rope_is_on_where_it_is_said_to_be(built: scene.Scene) -> None:
+    """An array says of each world what a bool says of all."""
+    ropes = np.array([[True, False, True, False], [False, False, True, True], [False, True, False, False]])
+    many, alone = worlds(built, 40.0, 0, 1, 2, 3), [worlds(built, 40.0, seed) for seed in range(4)]
+    twin = worlds(built, 40.0, 0, 1, 2, 3)
+    for attached in ropes:
+        together = many.step(*kick(many, "left_hip2", "left_knee"), attached=attached)
+        *_, cut = twin.parts(*kick(twin, "left_hip2", "left_knee"), attached=attached, count=4)
+        assert cut.centre_of_mass.tobytes() == together.centre_of_mass.tobytes()
+        for place, one in enumerate(alone):
+            apart = one.step(*kick(one, "left_hip2", "left_knee"), attached=bool(attached[place]))
+            assert together.proprioception[place].tobytes() == apart.proprioception[0].tobytes()
+            assert together.path_length[place] == apart.path_length[0]
+            assert together.centre_of_mass[place].tobytes() == apart.centre_of_mass[0].tobytes()
+    for attached in (True, False):
+        one, two = worlds(built, 40.0, 1, 2), worlds(built, 40.0, 1, 2)
+        given = [w.step(*kick(w, "left_knee"), attached=a) for w, a in ((one, attached), (two, np.full(2, attached)))]
+        assert given[0].centre_of_mass.tobytes() == given[1].centre_of_mass.tobytes()
+
+
 def test_a_diverging_world_raises_with_its_number(built: scene.Scene) -> None:
     w = worlds(built, 0.0, 0, 1, 2)
     w._batch.bind("qvel")[1, 3] = 1e12

@@ -1,4 +1,4 @@
-"""`python -m stages.commands.studies [STUDY]` (`make studies`): the second pipeline, studies/dvc.yaml, or a study of it.
+"""`python -m stages.commands.studies [STUDY]` (`make studies`): the second pipeline, studies/dvc.yaml, or one of it.
 
 It starts from the paper's encoder, scales, runs and verdicts, and changes none of them.
 """

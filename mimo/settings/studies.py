@@ -117,7 +117,7 @@ class Study(Section):
             faults += [
                 f"variants.{name}.set must give {shown(self.axis)}, the axis, a number"
                 for name, variant in self.variants.items()
-                if not isinstance(variant.set.get(self.axis), int | float)
+                if type(variant.set.get(self.axis)) not in (int, float)
             ]
         return unless(faults, self)
 

@@ -168,6 +168,18 @@ def load(params: Params, path: Path = PATH) -> Studies:
     return found
 
 
+def study(params: Params, name: str) -> Study:
+    """One of studies/params.yaml.
+
+    Raises:
+        ParamsError: the file does not hold, or has no such study.
+    """
+    known = load(params).studies
+    if name not in known:
+        raise ParamsError(f"There is no study {shown(name)} in {PATH}; known are {', '.join(known)}.")
+    return known[name]
+
+
 def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:
     """Why there are no donors for a yoked variant: they are the paper's own runs."""
     faults = ["is yoked, so its set must be empty: donors' worlds are the paper's"] if variant.set else []

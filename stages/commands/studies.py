@@ -7,6 +7,7 @@ import sys
 
 from mimo.settings import params, studies
 from mimo.settings.errors import Fault
+from stages import compare
 from stages.base import command, dvc, paths
 from stages.commands.paper import reproduce, run
 
@@ -21,12 +22,11 @@ def main() -> int:
     parser.add_argument("study", nargs="?", help=f"of {studies.PATH}, and the page; default: all")
     asked = parser.parse_args().study
     try:
-        known = studies.load(params.load()).studies
+        p = params.load()
+        for name in [asked] if asked else studies.load(p).studies:
+            compare.check(name, studies.study(p, name))
     except Fault as fault:
         print(fault, file=sys.stderr)
-        return 1
-    if asked and asked not in known:
-        print(f"There is no study {asked!r} in {studies.PATH}; known are {', '.join(known)}.", file=sys.stderr)
         return 1
     if dvc.run(["status", "--quiet", "--with-deps", "claims"]):
         print(

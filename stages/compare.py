@@ -26,7 +26,8 @@ def main() -> None:
     parser.add_argument("study", help="a name in studies/params.yaml")
     name = parser.parse_args().study
     p = params.load()
-    study = studies.load(p).studies[name]
+    study = studies.study(p, name)
+    check(name, study)
     windows = analysis.windows(curves.phases(p))
     total = study.seeds * sum(len(study.pairs(own)) for own in study.variants)
     with console.Progress(study.title, total, "runs") as progress:
@@ -61,6 +62,19 @@ def main() -> None:
     }
     numbers.write(made, paths.STUDIES_NUMBERS / f"{name}.json")
     numbers.write(_explored(p, study.seeds, held, list(study.variants)), paths.STUDIES_EXPLORE / f"{name}.json")
+
+
+def check(name: str, study: studies.Study) -> None:
+    """That what the study asks to be shown is measured, which its settings alone cannot tell.
+
+    Raises:
+        console.StageError: it is not.
+    """
+    if unknown := [measure for measure in study.measures if measure not in measures.MEASURES]:
+        raise console.StageError(
+            f"{studies.PATH}: studies.{name}.measures has {', '.join(map(repr, unknown))}; "
+            f"known are {', '.join(measures.MEASURES)}."
+        )
 
 
 def _effects(cells: curves.Cells, windows: dict[str, slice]) -> dict[str, dict[str, list[float]]]:

@@ -21,10 +21,7 @@ def main() -> None:
     parser.add_argument("study", help="a name in studies/params.yaml")
     asked = crew.asked(parser)
     p = params.load()
-    known = studies.load(p).studies
-    if asked.study not in known:
-        raise console.StageError(f"There is no study {asked.study!r} in {studies.PATH}: known are {', '.join(known)}.")
-    study = known[asked.study]
+    study = studies.study(p, asked.study)
     settings = {f"{asked.study}/{name}": params.changed(p, own.set) for name, own in study.variants.items()}
     files = {name: _encoder(p, own) for name, own in settings.items()}
     measured = _scales(p, files, settings, asked.workers)

@@ -117,7 +117,7 @@ class Study(Section):
             faults += [
                 f"variants.{name}.set must give {shown(self.axis)}, the axis, a number"
                 for name, variant in self.variants.items()
-                if not isinstance(variant.set.get(self.axis), int | float)
+                if type(variant.set.get(self.axis)) not in (int, float)
             ]
         return unless(faults, self)
 
@@ -166,6 +166,18 @@ def load(params: Params, path: Path = PATH) -> Studies:
     if faults:
         raise ParamsError("\n".join(faults))
     return found
+
+
+def study(params: Params, name: str) -> Study:
+    """One of studies/params.yaml.
+
+    Raises:
+        ParamsError: the file does not hold, or has no such study.
+    """
+    known = load(params).studies
+    if name not in known:
+        raise ParamsError(f"There is no study {shown(name)} in {PATH}; known are {', '.join(known)}.")
+    return known[name]
 
 
 def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import yaml
 
+LISTED = ("seeds", "variants")  # of a study; its section shows the rest
+
 
 @dataclass(frozen=True)
 class Constant:
@@ -32,10 +34,10 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...], common
     assert isinstance(node, yaml.MappingNode)
     for key, value in node.value:
         name = (*above, key.value)
-        if above == ("sweeps", "variants"):
-            own = {part.value: node for part, node in value.value}
-            text = ", ".join(f"{changed.value}: {_text(node)}" for changed, node in own["set"].value)
-            found.append(Constant(".".join(name), text, "ours", own["asks"].value))
+        if above[:1] == ("studies",) and above[2:] == ("variants",):
+            found.append(_variant(".".join(name), value))
+            continue
+        if above[:1] == ("studies",) and len(above) == 2 and key.value not in LISTED:
             continue
         if isinstance(value, yaml.MappingNode):
             found += _constants(value, lines, name, _comment(lines, key.end_mark))
@@ -50,6 +52,14 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...], common
         ]
         found.append(Constant(".".join(name), _text(value), " and ".join(sources), comment))
     return found
+
+
+def _variant(key: str, node: yaml.Node) -> Constant:
+    """What it changes, and what it asks if it asks something of its own."""
+    own = {part.value: value for part, value in node.value}
+    changes = [f"{changed.value}: {_text(value)}" for changed, value in own["set"].value]
+    changes += [f"yoked: {own['yoked'].value}"] if "yoked" in own else []
+    return Constant(key, ", ".join(changes) or "as published", "ours", own["asks"].value if "asks" in own else "")
 
 
 def _comment(lines: list[str], end: yaml.Mark) -> str:

@@ -6,9 +6,8 @@ A sweep is a grid of the paper's own runs, or one grid for each variant of a stu
 import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Grid:
     latent_sd: float
     cells: tuple[tuple[str, str], ...]
     seeds: int
-    donors: Mapping[tuple[str, int], experiment.Donor] = MappingProxyType({})
+    donors: Mapping[tuple[str, int], experiment.Donor] = field(default_factory=dict)
 
 
 Job = Mapping[str, Grid]  # a grid for each variant; the paper's own runs are those of ""

@@ -1,52 +1,84 @@
-"""studies/params.yaml: variants of the published params, and worlds in which effects are measured."""
+"""studies/params.yaml: studies of variants of the published params, and worlds in which effects are measured."""
 
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from mimo.settings import params, studies
+from mimo.settings.files import ParamsError
 from mimo.settings.studies import Studies
-from tests.unit.settings.shipped import PARAMS, STUDIES, Keys
+from tests.unit.settings.shipped import MISSING, PARAMS, STUDIES, Keys
 
 P = params.load(PARAMS.path)
 PLAIN = {"asks": "why?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"], "noisy": ["mtl", "cais_surprise"]}}
+STUDY = {
+    "title": "A study",
+    "asks": "Why?",
+    "expects": "Nothing.",
+    "limits": "Much.",
+    "seeds": 2,
+    "measures": ["lead", "locked"],
+    "cells": {"noisy": ["rtl"]},
+    "variants": {"plain": PLAIN},
+}
 
 
 def refused(folder: Path, name: Any = "plain", **changes: Any) -> list[str]:
-    """The sentences that refuse PLAIN with some changes, as the only variant, less where that stands."""
-    sentences = STUDIES.faults(folder, {("sweeps", "variants"): {name: PLAIN | changes}})
-    return [sentence.removeprefix(f"sweeps.variants.{name}") for sentence in sentences]
+    """The sentences that refuse PLAIN with some changes, as the only variant of STUDY, less where that stands."""
+    sentences = asked(folder, variants={name: PLAIN | changes})
+    return [sentence.removeprefix(f".variants.{name}") for sentence in sentences]
+
+
+def asked(folder: Path, **changes: Any) -> list[str]:
+    """The sentences that refuse STUDY with some changes, as the only study, less where that stands."""
+    study = {key: value for key, value in (STUDY | changes).items() if value is not MISSING}
+    sentences = STUDIES.faults(folder, {("studies",): {"own": study}})
+    return [sentence.removeprefix("studies.own") for sentence in sentences]
+
+
+def found(**changes: Any) -> studies.Study:
+    """STUDY with some changes, which holds."""
+    return Studies.model_validate(STUDIES.changed({("studies",): {"own": STUDY | changes}})).studies["own"]
+
+
+# Variants.
 
 
 def test_a_variant_is_the_published_params_with_some_values_changed() -> None:
     changes = {
         "conditions.noisy.force": 20,
         "world.rope_slack": 0.01,
+        "world.rope_holds": 0.5,
         "encoder.latent_sd": 1.0,
         "agent.gamma": 0.5,
         "outcomes.memory": 7,
         "rewards.cais.pays": "taken",
+        "protocol.limb": "right_hand",
+        "collect.limbs": "all",
+        "collect.draw": 3,
     }
-    variants = {"plain": PLAIN, "many": PLAIN | {"set": changes}}
-    found = Studies.model_validate(STUDIES.changed({("sweeps", "variants"): variants})).sweeps.variants
-    assert params.changed(P, found["plain"].set).rewards.gain == 1.0
-    many = params.changed(P, found["many"].set)
+    variants = {"plain": PLAIN, "many": {"set": changes}}
+    study = found(variants=variants)
+    assert params.changed(P, study.variants["plain"].set).rewards.gain == 1.0
+    many = params.changed(P, study.variants["many"].set)
     assert many.model_dump() == PARAMS.changed({tuple(key.split(".")): value for key, value in changes.items()})
     assert isinstance(many.conditions.noisy.force, float)
     assert PARAMS.whole["rewards"]["gain"] == P.rewards.gain != 1.0
-    assert found["plain"].pairs == (("free", "mtl"), ("noisy", "mtl"), ("noisy", "cais_surprise"))
+    assert study.pairs("plain") == (("free", "mtl"), ("noisy", "mtl"), ("noisy", "cais_surprise"))
+    assert study.pairs("many") == (("noisy", "rtl"),)  # the study's own
 
 
 @pytest.mark.parametrize(
     "key",
-    ["seed", "protocol.limb", "collect.steps", "encoder", "encoder.tau", "encoder.latent", "encoder.latent_sdx",
-     "sweep.seeds", "calibrate.worlds"],
+    ["seed", "protocol", "protocol.limbs", "protocol.attached_steps", "collect", "collect.steps", "encoder",
+     "encoder.tau", "encoder.latent", "encoder.latent_sdx", "sweep.seeds", "calibrate.worlds", "film.steps"],
 )  # fmt: skip
-def test_a_variant_may_not_change_what_the_published_encoder_or_the_sweep_is_made_of(key: str, tmp_path: Path) -> None:
+def test_a_variant_may_not_change_what_all_share(key: str, tmp_path: Path) -> None:
     assert refused(tmp_path, set={key: 3}) == [
         f".set has {key!r}, but a variant may change only conditions, world, agent, outcomes, rewards, "
-        "encoder.latent_sd."
+        "encoder.latent_sd, protocol.limb, collect.limbs, collect.draw."
     ]
 
 
@@ -68,20 +100,27 @@ def test_a_variant_may_not_change_what_the_published_encoder_or_the_sweep_is_mad
             {"rewards.cais.pays": "mvoe"},
             "rewards.cais.pays must be 'move' or 'taken'; it is 'mvoe', perhaps 'move' is meant.",
         ),
+        ({"collect.draw": -1}, "collect.draw must be greater than or equal to 0; it is -1."),
     ],
 )
 def test_a_variant_that_sets_what_does_not_hold_is_refused(
     change: dict[str, Any], sentence: str, tmp_path: Path
 ) -> None:
-    (found,) = refused(tmp_path, set=change)
-    assert found.startswith(f".set: {sentence}")
+    (said,) = refused(tmp_path, set=change)
+    assert said.startswith(f".set: {sentence}")
+
+
+@pytest.mark.parametrize("key", ["world", "rewards.cais", "conditions.free"])
+def test_a_section_in_place_of_its_values_is_refused(key: str, tmp_path: Path) -> None:
+    """Else the keys that it leaves out would be lost, and those of a key below it could be set twice."""
+    assert refused(tmp_path, set={key: {"pays": "move"}}) == [f".set has {key!r}, a section; give its values."]
 
 
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
         ({"asks": ""}, ".asks: string should have at least 1 character"),
-        ({"set": {}}, ".set: dictionary should have at least 1 item"),
+        ({"set": 3}, ".set must be a valid dictionary; it is 3."),
         ({"cells": {}}, ".cells: dictionary should have at least 1 item"),
         ({"cells": {"free": []}}, ".cells.free: list should have at least 1 item"),
         ({"cells": {"windy": ["mtl"]}}, ".cells.windy must be 'free' or 'noisy'; it is 'windy'."),
@@ -89,31 +128,100 @@ def test_a_variant_that_sets_what_does_not_hold_is_refused(
         ({"cells": {"free": ["mtl", "mtl"]}}, ".cells.free names one entry twice."),
         ({"cells": {"free": ["mtl_mtl"]}}, ".cells.free has 'mtl_mtl', which adds one reward twice."),
         ({"aks": "why?"}, ".aks is not a known key; perhaps 'asks' is meant."),
+        ({"yoked": ""}, ".yoked: string should have at least 1 character"),
+        ({"yoked": "cias"}, ".yoked has 'cias', but 'cias' is unknown; perhaps 'cais' is meant."),
     ],
 )
 def test_a_variant_of_another_shape_is_refused(changes: dict[str, Any], sentence: str, tmp_path: Path) -> None:
-    (found,) = refused(tmp_path, **changes)
-    assert found.startswith(sentence)
+    (said,) = refused(tmp_path, **changes)
+    assert said.startswith(sentence)
+
+
+def test_a_yoked_variant_has_the_papers_runs_for_donors(tmp_path: Path) -> None:
+    assert found(variants={"plain": PLAIN | {"set": {}, "yoked": "cais"}}).variants["plain"].yoked == "cais"
+    assert refused(tmp_path, yoked="cais") == [" is yoked, so its set must be empty: donors' worlds are the paper's."]
+    assert refused(tmp_path, set={}, yoked="mtl_cais") == [" is yoked to 'mtl_cais', which is not among sweep.rewards."]
+    small = P.model_copy(update={"sweep": P.sweep.model_copy(update={"conditions": ["free"]})})
+    path = tmp_path / "studies.yaml"
+    study = STUDY | {"variants": {"plain": PLAIN | {"set": {}, "yoked": "cais"}}}
+    path.write_text(yaml.safe_dump(STUDIES.changed({("studies",): {"own": study}})))
+    with pytest.raises(ParamsError, match=r"variants\.plain is yoked in 'noisy', which is not among sweep\.conditions"):
+        studies.load(small, path)
 
 
 @pytest.mark.parametrize("name", ["Gain", "gain-1", "gain 1", "", "gain/1"])
-def test_a_variants_name_is_small_letters_digits_and_underscores(name: str, tmp_path: Path) -> None:
-    (sentence,) = STUDIES.faults(tmp_path, {("sweeps", "variants"): {name: PLAIN}})
-    assert sentence == f"sweeps.variants has {name!r}: use small letters, digits and '_' alone, at most 40."
+def test_a_name_is_small_letters_digits_and_underscores(name: str, tmp_path: Path) -> None:
+    said = f" has {name!r}: use small letters, digits and '_' alone, at most 40."
+    assert asked(tmp_path, variants={name: PLAIN}) == [f".variants{said}"]
+    assert STUDIES.faults(tmp_path, {("studies",): {name: STUDY}}) == [f"studies{said}"]
 
 
 def test_variants_cannot_be_none_nor_nameless(tmp_path: Path) -> None:
-    (sentence,) = STUDIES.faults(tmp_path, {("sweeps", "variants"): {}})
-    assert sentence.startswith("sweeps.variants: dictionary should have at least 1 item")
-    (sentence,) = STUDIES.faults(tmp_path, {("sweeps", "variants"): {500: PLAIN}})
-    assert sentence == "sweeps.variants.500 must be a valid string; it is 500."
+    (sentence,) = asked(tmp_path, variants={})
+    assert sentence.startswith(".variants: dictionary should have at least 1 item")
+    (sentence,) = asked(tmp_path, variants={500: PLAIN})
+    assert sentence == ".variants.500 must be a valid string; it is 500."
 
 
 def test_every_variant_at_fault_is_named(tmp_path: Path) -> None:
     variants = {name: PLAIN | {"set": {"agent.gamma": 1.0}} for name in ("one", "two")}
-    assert STUDIES.faults(tmp_path, {("sweeps", "variants"): variants}) == [
-        f"sweeps.variants.{name}.set: agent.gamma must be less than 1; it is 1.0." for name in variants
+    assert asked(tmp_path, variants=variants) == [
+        f".variants.{name}.set: agent.gamma must be less than 1; it is 1.0." for name in variants
     ]
+
+
+# Studies.
+
+
+@pytest.mark.parametrize("key", [key for key in STUDY if key != "axis"])
+def test_a_key_that_a_study_lacks_is_named(key: str, tmp_path: Path) -> None:
+    assert asked(tmp_path, **{key: MISSING}) == [f".{key} is missing."]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"titel": "?"}, ".titel is not a known key; perhaps 'title' is meant."),
+        ({"title": ""}, ".title: string should have at least 1 character"),
+        ({"expects": 3}, ".expects must be a valid string; it is 3."),
+        ({"seeds": 0}, ".seeds must be greater than 0; it is 0."),
+        ({"measures": []}, ".measures: list should have at least 1 item"),
+        ({"measures": ["lead", "limb", "lead"]}, ".measures names one entry twice."),
+        ({"cells": {}}, ".cells: dictionary should have at least 1 item"),
+        ({"cells": {"noisy": ["rtl", "cias"]}},
+         ".cells.noisy has 'cias', but 'cias' is unknown; perhaps 'cais' is meant."),
+        ({"cells": {"noisy": ["rtl", "rtl"]}}, ".cells.noisy names one entry twice."),
+        ({"axis": ""}, ".axis: string should have at least 1 character"),
+        ({"axis": "world.rope_holds"},
+         ".variants.plain.set must give 'world.rope_holds', the axis, a number."),
+        ({"axis": "rewards.cais.pays", "variants": {"plain": {"set": {"rewards.cais.pays": "taken"}}}},
+         ".variants.plain.set must give 'rewards.cais.pays', the axis, a number."),
+        ({"axis": "agent.bias_in_target", "variants": {"plain": {"set": {"agent.bias_in_target": True}}}},
+         ".variants.plain.set must give 'agent.bias_in_target', the axis, a number."),
+    ],
+)  # fmt: skip
+def test_a_study_of_another_shape_is_refused(changes: dict[str, Any], sentence: str, tmp_path: Path) -> None:
+    (said,) = asked(tmp_path, **changes)
+    assert said.startswith(sentence)
+
+
+def test_an_axis_is_set_to_a_number_by_every_variant(tmp_path: Path) -> None:
+    own = {"axis": "conditions.noisy.force", "variants": {name: {"set": {}} for name in ("one", "two")}}
+    (said,) = asked(tmp_path, **own)
+    assert (
+        said
+        == "; ".join(
+            [f".variants.{name}.set must give 'conditions.noisy.force', the axis, a number" for name in ("one", "two")]
+        ).replace("; .", "; ")
+        + "."
+    )
+    doses = {"one": {"set": {"conditions.noisy.force": 1.0}}, "two": {"set": {"conditions.noisy.force": 2}}}
+    assert found(**own | {"variants": doses}).axis == "conditions.noisy.force"
+
+
+def test_studies_cannot_be_none(tmp_path: Path) -> None:
+    (sentence,) = STUDIES.faults(tmp_path, {("studies",): {}})
+    assert sentence.startswith("studies: dictionary should have at least 1 item")
 
 
 # Worlds in which effects are measured besides the published one.

@@ -1,0 +1,113 @@
+"""Studies and numbers as stages.compare writes them, whose effects are known."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mimo.science import judgement
+from mimo.science.measures import MEASURES, summed
+from mimo.settings.studies import Studies, Study
+from stages.base import numbers
+
+Effect = Callable[[str, str, str], float]  # of a variant ("published" is one), a cell and a measure
+LEVEL, SEEDS = 0.95, 20
+PAPER = ("mtl", "rtl", "cais", "surprise", "mtl_surprise", "rtl_surprise", "cais_surprise")
+EFFECTS = {"steps": 700, "dropped": 20, "worlds": 4, "alternatives": {"heavy": {"world.mobile_mass": 0.3}}}
+
+
+def spread(variant: str, cell: str, measure: str, effect: Effect, seeds: int, sd: float = 0.02) -> list[float]:
+    """An effect in every seed, with the same noise in every variant and some of its own."""
+
+    def noise(*key: str) -> np.ndarray:
+        return np.random.default_rng(list("/".join(key).encode())).normal(size=seeds)
+
+    values = effect(variant, cell, measure) + sd * (noise(cell, measure) + 0.5 * noise(variant, cell, measure))
+    return [float(f"{value:.6g}") for value in values]
+
+
+def claim(name: str, cell: str, seeds: list[float], low: float | None, high: float | None) -> dict[str, Any]:
+    """A claim with one test, of the lead in a cell."""
+    found = summed(seeds)
+    ends = -np.inf if low is None else low, np.inf if high is None else high
+    test = {
+        "name": name, "says": f"{cell.replace('/', ', ')}: lead", "cells": [cell], "unit": "P(MOVE)",
+        "region": [low, high], "effect": found.effect, "interval": found.interval and list(found.interval), "p": 0.01,
+        "n": found.n, "seeds": seeds, "verdict": judgement.verdict(found.interval, *ends), "margins": {},
+        "locked": 0.0, "saturated": False, "holm": "undecided",
+    }  # fmt: skip
+    judged = {"verdict": test["verdict"], "holm": "undecided", "saturated": False}
+    return {
+        "name": f"claim {name}", "section": "§1", "says": "…", "panel": "fig. 3 A", "complete": True,
+        "shown": judged | {"tests": [test]}, "said": judged | {"tests": []}, "besides": [],
+    }  # fmt: skip
+
+
+def claims(cells: Mapping[str, Mapping[str, list[float]]]) -> list[dict[str, Any]]:
+    """That the lead is at least .05 in each cell."""
+    return [claim(cell, cell, effects["lead"], 0.05, None) for cell, effects in cells.items() if "lead" in effects]
+
+
+def paper(effect: Effect) -> dict[str, dict[str, list[float]]]:
+    """Effects of the published runs."""
+    return {
+        cell: {name: spread("published", cell, name, effect, SEEDS) for name in MEASURES}
+        for cell in (f"{condition}/{reward}" for condition in ("free", "noisy") for reward in PAPER)
+    }
+
+
+def judged(effect: Effect) -> dict[str, Any]:
+    """As reports/claims.json."""
+    return {"results": "0" * 64, "level": LEVEL, "claims": claims(paper(effect))}
+
+
+def made(study: Study, effect: Effect, published: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """As reports/studies/NAME.json."""
+    variants = {}
+    for name, own in study.variants.items():
+        cells = {
+            f"{condition}/{reward}": {
+                measure: spread(name, f"{condition}/{reward}", measure, effect, study.seeds) for measure in MEASURES
+            }
+            for condition, reward in study.pairs(name)
+        }
+        probe = {f"r2_{condition}_{axis}": 0.9 for condition in ("free", "noisy") for axis in "xyz"}
+        variants[name] = {
+            "set": own.set,
+            "published": {key: (published or {}).get(key, 1.0) for key in own.set},
+            "seeds": study.seeds,
+            "cells": cells,
+            "probe": probe if any(key.startswith("collect") for key in own.set) else {},
+            "claims": claims(cells),
+        }
+    return {"results": "1" * 64, "published": "2" * 64, "level": LEVEL, "variants": variants, "paper": paper(effect)}
+
+
+def explored(study: Study) -> dict[str, Any]:
+    """As reports/studies/explore/NAME.json: in seed s, P(MOVE) of the limb is 0.5 + s / 16, of the others 0.25."""
+    steps, rng = 80, np.random.default_rng(0)
+    p = np.full((study.seeds, 2, steps), 0.25)
+    p[:, 0] = 0.5 + np.arange(study.seeds)[:, None] / 16
+    p[0, :, 0] = 0, 1
+    noise = rng.normal(size=p.shape)
+    return {
+        "block": 1, "levels": numbers.LEVELS, "seeds": study.seeds, "steps": [step + 1.0 for step in range(steps)],
+        "phases": {"baseline": [1, 20], "attached": [21, 60], "extinction": [61, 80]},
+        "joints": ["attached limb", "other limbs"], "attached": [True, False],
+        "cells": {
+            f"{variant}/{condition}/{reward}": {
+                "reward": numbers.packed(noise), "q_move": numbers.packed(noise), "move_probability": numbers.packed(p)
+            }
+            for variant in study.variants for condition, reward in study.pairs(variant)
+        },
+    }  # fmt: skip
+
+
+def studies(**own: Mapping[str, Any]) -> Studies:
+    """Studies by name; what a study does not say is as little as can be."""
+    least = {
+        "title": "A title", "asks": "Does it?", "expects": "It does.", "limits": "Not here.", "seeds": 5,
+        "measures": ["lead"], "cells": {"free": ["cais"]}, "variants": {"one": {"set": {}}},
+    }  # fmt: skip
+    titled = {name: least | {"title": f"Study {name}"} | dict(values) for name, values in own.items()}
+    return Studies.model_validate({"effects": EFFECTS, "studies": titled})

@@ -18,6 +18,7 @@ from mimo.settings.studies import FIGURES, Study
 from stages.base.numbers import number
 from stages.page import verdicts
 
+STATES = RISEN, FLAT, FALLEN, OPEN = "risen", "flat", "fallen", "open"
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
 DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
@@ -94,7 +95,7 @@ class Line:
 
     condition: str
     reward: str
-    points: Mapping[float, Found]
+    points: dict[float, Found]
     trend: Found
 
     @property
@@ -111,6 +112,15 @@ class Line:
             last = value
         return last
 
+    def starts(self, low: float) -> float | None:
+        """The value from which, to the last, every whole interval lies above `low`; None if none does."""
+        first = None
+        for value, found in reversed(self.points.items()):
+            if not found.within(low, np.inf):
+                break
+            first = value
+        return first
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -126,6 +136,11 @@ class Drawn:
     both: tuple[float, float] | None
     published: Found
     parts: components.Components | None
+
+    def otherwise(self, measure: Measure) -> bool:
+        """Whether the interval over both tells of the effect what the published encoder's does not, or the reverse."""
+        both = Found(self.centre, self.both, self.published.n, self.published.seeds)
+        return state(both, measure) != state(self.published, measure)
 
     @property
     def label(self) -> str:
@@ -247,10 +262,27 @@ class Studied:
         """Of those that turn outright, the one whose change is largest beside its interval's width."""
         return max((turn for turn in self.turns if turn.outright), key=lambda turn: _size(turn.change))
 
+    def largest(self, variant: str) -> Turn:
+        """Of a variant's turns, as `strongest`, those outright first."""
+        return max(self.turning(variant), key=lambda turn: (turn.outright, _size(turn.change)))
+
     @property
     def whole(self) -> int:
         """How many published seeds there are."""
         return max((len(seeds) for cell in self.made["paper"].values() for seeds in cell.values()), default=0)
+
+    def states(self, measure: str, changes: bool = False, condition: str = "") -> dict[str, list[Cell]]:
+        """Cells by what a measure, or its change, is in them, in the order of STATES; `condition` as in `of`."""
+        held = [cell for cell in self.of(condition=condition) if measure in (cell.changes if changes else cell.effects)]
+        found: dict[str, list[Cell]] = {name: [] for name in STATES}
+        for cell in held:
+            found[state((cell.changes if changes else cell.effects)[measure], MEASURES[measure])].append(cell)
+        return {name: cells for name, cells in found.items() if cells}
+
+    def least(self, measure: str, reward: str, condition: str) -> Cell | None:
+        """Of a reward's cells in a condition, that with the least effect."""
+        held = [cell for cell in self.of(condition=condition, reward=reward) if measure in cell.effects]
+        return min(held, key=lambda cell: cell.effects[measure].effect, default=None)
 
     def moved(self, measure: str) -> list[Cell]:
         """Cells whose measure is certainly another than the published one."""
@@ -349,6 +381,16 @@ def effect(found: Found | None, digits: int = 2) -> str:
     bounds = found.interval
     ends = f"\u00a0[{number(bounds[0], digits)}, {number(bounds[1], digits)}]" if bounds else ""
     return number(found.effect, digits) + ends
+
+
+def state(found: Found, measure: Measure) -> str:
+    """One of STATES, by where the whole interval lies: beyond what counts, above or below, or within it; else open."""
+    low = abs(measure.low)
+    if found.within(low, np.inf):
+        return RISEN
+    if found.within(-low, low):
+        return FLAT
+    return FALLEN if found.within(-np.inf, -low) else OPEN
 
 
 def listed(texts: Iterable[str], last: str = "and") -> str:

@@ -25,7 +25,7 @@ def rows(*effects: float) -> list[studied.Row]:
 def intervals(svg: str, colour: str) -> list[tuple[float, ...]]:
     """Ends, and height, of the bars of a colour: (x, x, y), points from the upper left."""
     shown = re.findall(
-        rf'<path d="M ([\d.]+) ([\d.]+) \s*L ([\d.]+) [\d.]+ "[^>]*stroke: {colour}; stroke-width: 1.2', svg
+        rf'<path d="M ([\d.]+) ([\d.]+)\s+L ([\d.]+) [\d.]+\s+"[^>]*stroke: {colour}; stroke-width: 1.2', svg
     )
     return [(float(left), float(right), float(y)) for left, y, right in shown]
 
@@ -64,7 +64,7 @@ def test_along_an_axis_points_stand_in_its_order() -> None:
     curve = studied.Curve("noisy, MTL", "noisy", "mtl", {0.0: found(0.2), 40.0: found(0.1), 80.0: found(0.0)})
     svg = studied.along("a", "says", PANELS, {"lead": [curve]}, "force", 40.0)
     line = re.search(
-        r'<path d="M ([\d.]+) ([\d.]+) \s*L ([\d.]+) ([\d.]+) \s*L ([\d.]+) ([\d.]+) "[^>]*stroke: #0072b2', svg
+        r'<path d="M ([\d.]+) ([\d.]+)\s+L ([\d.]+) ([\d.]+)\s+L ([\d.]+) ([\d.]+)\s+"[^>]*stroke: #0072b2', svg
     )
     assert line
     x0, y0, x1, y1, x2, y2 = (float(value) for value in line.groups())

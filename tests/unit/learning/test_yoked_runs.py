@@ -80,8 +80,9 @@ def test_h_differs_from_the_donors_by_the_arms_alone(
     with Eye(built) as eye:
         h = lent = extract(eye.frames(own.qpos))
         for step in range(STEPS):
-            own.step(*(found[name][step : step + 1] > 0 for name in ("action", "positive")), False)
-            other.step(*(theirs[name][step : step + 1] > 0 for name in ("action", "positive")), step in ATTACHED)
+            for worlds, run, tied in ((own, found, False), (other, theirs, step in ATTACHED)):
+                moved, positive = (run[name][step : step + 1] > 0 for name in ("action", "positive"))
+                worlds.step(moved, positive, tied)
             seen = own.qpos
             seen[:, mobile] = other.qpos[:, mobile]
             last, h = h, extract(eye.frames(seen))

@@ -179,7 +179,8 @@ def test_constants_that_came_later_change_nothing_where_they_are_neutral(project
     """Each but for the value at which it does what was done before there was a choice."""
     p = params.load()
     constants = p.model_dump(mode="json")
-    for section, own in registration.LATER.items():
+    later: dict[str, dict[str, Any]] = dict(registration.LATER)  # type: ignore[arg-type]
+    for section, own in later.items():
         for name, neutral in own.items():
             if isinstance(neutral, dict):
                 assert {key: constants[section][name].pop(key) for key in neutral} == neutral

@@ -125,7 +125,7 @@ def other_encoder(trained: Trained, folder: Path) -> bytes:
 
 def test_a_grid_with_an_encoder_of_its_own_shares_no_run(job: Job, trained: Trained, tmp_path: Path) -> None:
     own = replace(job[""], encoder=other_encoder(trained, tmp_path))
-    runs = sweep.wanted(job | {"a/draw": own, "a/same": job[""]})
+    runs = sweep.wanted({**job, "a/draw": own, "a/same": job[""]})
     assert {run.digest for run in runs[4:8]}.isdisjoint(run.digest for run in runs[:4])
     assert [run.digest for run in runs[8:]] == [run.digest for run in runs[:4]]
 

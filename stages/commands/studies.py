@@ -35,8 +35,10 @@ def main() -> int:
             file=sys.stderr,
         )
         return 1
-    if asked:  # the page hangs on all studies, and shows the others as they are
-        return run(["repro", f"{PIPELINE}:compare@{asked}"]) or run(["repro", "--single-item", f"{PIPELINE}:page"])
+    if asked:  # catalogue and page hang on all studies, and show the others as they are
+        last = [f"{PIPELINE}:{stage}" for stage in ("catalogue", "page")]
+        own = [f"{PIPELINE}:{stage}" for stage in ("effects", f"compare@{asked}")]
+        return run(["repro", *own]) or run(["repro", "--single-item", *last])
     made = ["studies/dvc.lock", "reports/studies", str(paths.STUDIES)]
     return reproduce(["repro", PIPELINE], paths.STUDIES_ARTIFACTS, made)
 

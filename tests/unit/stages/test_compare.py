@@ -40,7 +40,7 @@ def test_it_says_of_each_variant_what_it_changes(found: dict[str, Any]) -> None:
 
 
 def test_an_effect_is_what_the_fabricated_runs_say(found: dict[str, Any]) -> None:
-    """P(MOVE) is .25; with the rope on it is .75 and more of the limb if free, .5 and more, and .875 of a hand, if noisy."""
+    """P(MOVE) is .25; with the rope on the limb's is .75 and more if free, .5 and more, and a hand's .875, if noisy."""
     free, noisy = found["variants"]["gain_1"]["cells"]["free/mtl"], found["variants"]["heavy"]["cells"]["noisy/mtl"]
     rise = np.array([0.125 * seed for seed in range(SEEDS)])
     hand = body.attached("right_hand").sum() / (~body.attached("left_foot")).sum() * 0.625

@@ -69,8 +69,8 @@ def test_a_variant_that_changes_nothing_is_the_published_run(published: tuple[Pa
 def test_only_the_runs_of_a_variant_that_changes_are_computed(project: Path) -> None:
     before, runs = stored(project), digests(project, "data/runs", "data/variants")
     changed = {
-        "same": VARIANTS["same"] | {"cells": {"free": ["mtl"], "noisy": ["cais"]}},  # one more published cell
-        "greedy": VARIANTS["greedy"] | {"set": {"rewards.gain": 8 * GAIN}},
+        "same": {**VARIANTS["same"], "cells": {"free": ["mtl"], "noisy": ["cais"]}},  # one more published cell
+        "greedy": {**VARIANTS["greedy"], "set": {"rewards.gain": 8 * GAIN}},
     }
     edit(project, ("studies.own.variants", changed))
     output = repro(project)

@@ -3,6 +3,7 @@
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -14,7 +15,7 @@ from tests.pipeline.project import done, edit, study
 ROOT = Path(__file__).parents[2]
 GAIN = yaml.safe_load((ROOT / "params.yaml").read_text())["rewards"]["gain"]
 CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
-VARIANTS = {  # the first changes nothing, the second no scale, the third scales too
+VARIANTS: dict[str, dict[str, Any]] = {  # the first changes nothing, the second no scale, the third scales too
     "same": {"set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
     "greedy": {"set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
     "heavy": {"set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},

@@ -65,6 +65,11 @@ REACHING = (
     "outcomes",
     "rewards",
     "rewards.rtl",
+    "rewards.kl",
+    "rewards.mmd",
+    "rewards.rnd",
+    "rewards.progress",
+    "rewards.cai",
 )  # sections a run reads
 WITH: dict[tuple[str, float], dict[str, Any]] = {  # what an end needs to fit the other values
     ("protocol.updates_per_step", 1): {"protocol.torque_updates": 1, "protocol.updates_per_step": 2,

@@ -106,6 +106,8 @@ def test_the_numbers_of_figure_1_follow_params_and_scene(tiny: params.Params, mo
         assert text in said, text
     assert any("17 N (noisy)" in text for text in said)
     assert any("= 0.25)" in text for text in said)
+    assert {"CAIS", "Surprise"} <= set(said)
+    assert not {"CAI", "RND", "Learning progress"} & set(said)  # which no run of the sweep is paid
     bold = {text.get_text() for text in figure.axes[0].texts if text.get_fontweight() == "bold"}
     assert bold & set(body.ACTUATED) == set(body.LIMB_JOINTS["right_hand"])
 

@@ -11,14 +11,17 @@ import pytest
 import yaml
 
 from mimo.settings.studies import PATH as SETTINGS
+from mimo.science.measures import MEASURES, Found
+from mimo.settings.params import REWARDS
 from mimo.settings.studies import Studies
 from stages import studies
 from stages.base import console, paths
-from stages.page import constants, page
+from stages.page import constants, page, studied
 from tests.unit.page import fabricated
 from tests.unit.page.reading import Page, plain, rows
 
 ROOT = Path(__file__).resolve().parents[3]
+SHIPPED = list(yaml.safe_load((ROOT / SETTINGS).read_text(encoding="utf-8"))["studies"])
 ASKED: dict[str, dict[str, Any]] = {  # one study of each kind
     "dose": {
         "axis": "conditions.noisy.force",
@@ -140,9 +143,51 @@ def test_a_change_that_is_certain_is_marked_and_no_other(html: str) -> None:
 
 def test_tests_that_turn_are_told_and_no_others(html: str) -> None:
     words = plain(section(html, "study-asking"))
-    assert "1 of 2 turn a verdict of some test, most lost (2 of 2)" in words
+    assert (
+        "1 of 2 turn some test’s verdict. From holds to fails, or back, the largest change of each: lost, 2 of 2 tests"
+        in words
+    )
     assert "No test turns with kept" in words
     assert "holds → fails" in words
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ((0.06, 0.2), studied.RISEN),
+        ((-0.04, 0.04), studied.FLAT),
+        ((0.01, 0.04), studied.FLAT),
+        ((-0.2, -0.06), studied.FALLEN),
+        ((0.04, 0.06), studied.OPEN),
+        (None, studied.OPEN),
+    ],
+)
+def test_a_state_is_where_the_whole_interval_lies(bounds: tuple[float, float] | None, said: str) -> None:
+    assert studied.state(Found(0.1, bounds, 5, []), MEASURES["lead"]) == said
+
+
+def test_up_to_where_and_from_where_an_effect_counts() -> None:
+    sure, unsure = Found(0.2, (0.1, 0.3), 5, []), Found(0.2, (0.0, 0.4), 5, [])
+    line = studied.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
+    assert (line.reaches(0.05), line.starts(0.05)) == (5.0, 20.0)
+    assert (line.reaches(0.5), line.starts(0.5)) == (None, None)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_study_is_answered_by_a_template_of_its_own(name: str) -> None:
+    """Whatever its numbers, with one seed as with more."""
+    asked = yaml.safe_load((ROOT / SETTINGS).read_text(encoding="utf-8"))["studies"][name]
+    for cells in (asked["cells"], *(own.get("cells", {}) for own in asked["variants"].values())):
+        for condition, rewards in cells.items():
+            cells[condition] = [reward for reward in rewards if reward in REWARDS] or ["cais"]
+    for seeds in (1, 3):
+        study = fabricated.studies(**{name: asked | {"seeds": seeds}})
+        made = {name: fabricated.made(study.studies[name], effect)}
+        own = studied.studied(study.studies, made, fabricated.judged(effect))[0]
+        assert own.answer == f"answers/{name}.html.j2"
+        words = plain(section(written(study, made), f"study-{name}"))
+        assert f"n = {seeds}" in words
+        assert "nan" not in words.split()
 
 
 def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str) -> None:

@@ -29,8 +29,10 @@ CLAIMS = tuple(Path(f"mimo/science/{name}.py") for name in ("analysis", "judgeme
 def registered(p: Params) -> dict[str, Any]:
     """What there is to decide: the root seed, and digests of constants, claims and readings of the paper."""
     readings = paths.READINGS.read_text(encoding="utf-8")  # whatever line ends git gave it
-    constants = p.model_dump(mode="json")
-    del constants["film"], constants["sweep"]["chunk"]  # they change no number that a claim is judged by
+    # But for the film and the sweep's chunk, which change no number that a claim is judged by.
+    sections = [name for name in Params.model_fields if name not in ("seed", "film", "sweep")]
+    constants: dict[str, Any] = {name: getattr(p, name).model_dump(mode="json") for name in sections}
+    constants |= {"seed": p.seed, "sweep": p.sweep.model_dump(mode="json", exclude={"chunk"})}
     parts = {part for reward in p.sweep.rewards for part in reward.split("_")}
     constants["rewards"] = {
         name: value

@@ -71,8 +71,7 @@ def _loop(ax: Axes, p: params.Params) -> None:
     learning = f"Expected SARSA ($\\gamma$ = {p.agent.gamma:g})"
     policy = f"Boltzmann policy (temperature {p.agent.temperature:g})"
     box(ax, (135, bottom - 6), (88, 12), f"Agent, a step every {1000 * seconds:g} ms\n{learning}, {policy}", GROUND)
-    swept = {part for reward in p.sweep.rewards for part in reward.split("_")}
-    paying = [reward for reward in REWARDS if reward in swept]
+    paying = [reward for reward in REWARDS if reward in COLOURS]  # the paper's
     middle, half = (top + bottom) / 2, 3 + 2 * len(paying)
     arrow(ax, (97, top), (97, bottom))
     note(ax, (98, middle), f"joint\nangles\n$s_t$ ({len(body.JOINTS)})", ha="left")

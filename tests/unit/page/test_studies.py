@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo.settings.studies import PATH as SETTINGS
 from mimo.science.measures import MEASURES, Found
 from mimo.settings.params import REWARDS
+from mimo.settings.studies import PATH as SETTINGS
 from mimo.settings.studies import Studies
 from stages import studies
 from stages.base import console, paths

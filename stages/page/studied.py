@@ -28,14 +28,13 @@ Effects = Mapping[str, list[float | None]]  # in each seed, by measure
 
 @dataclass(frozen=True)
 class Compared:
-    """A variant's effect, the published one of the same seeds and that of all, and the change from seed to same seed.
+    """A variant's effect, the published one of the same seeds, and the change from seed to same seed.
 
-    Without a published cell to compare with, the last three are None.
+    Without a published cell to compare with, the last two are None.
     """
 
     own: Found
     published: Found | None = None
-    whole: Found | None = None
     change: Found | None = None
 
 
@@ -416,7 +415,7 @@ def _once(effects: tuple[float, ...]) -> Found:
 def _compared(own: list[float | None], paper: list[float | None] | None) -> Compared:
     if not paper:
         return Compared(_summed(own))
-    return Compared(_summed(own), _summed(paper[: len(own)]), _summed(paper), _change(own, paper))
+    return Compared(_summed(own), _summed(paper[: len(own)]), _change(own, paper))
 
 
 def _change(own: list[float | None], paper: list[float | None]) -> Found:

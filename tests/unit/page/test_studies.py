@@ -3,13 +3,14 @@
 import json
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from mimo.science import judgement
 from mimo.science.measures import MEASURES, Found
 from mimo.settings.params import REWARDS
 from mimo.settings.studies import PATH as SETTINGS
@@ -62,6 +63,14 @@ def effect(variant: str, cell: str, measure: str) -> float:
 def computed(asked: Studies) -> dict[str, dict[str, Any]]:
     published = {"conditions.noisy.force": 40.0, "rewards.gain": 0.3}
     return {name: fabricated.made(study, effect, published) for name, study in asked.studies.items()}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_resamples() -> Iterator[None]:
+    """Of the bootstrap: what the page says does not hang on an interval's third digit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(judgement, "RESAMPLES", 1999)
+        yield
 
 
 @pytest.fixture(scope="module")

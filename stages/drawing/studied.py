@@ -21,7 +21,7 @@ from stages.drawing.style import COLOURS, GROUND, HEADING, INK, OTHER_COLOUR, SM
 ROW, GROUP = 3.3, 1.4  # mm: of a row, and more where a group begins
 TOP, BOTTOM = 8.0, 13.0  # mm: titles, and ticks with units and a legend
 NAMES, LABELS, GAP = 27.0, 29.0, 3.0  # mm: a group's name, a row's label, and what lies between panels
-PLOT, LEFT = 46.0, 9.0  # mm: height of a panel along an axis, and its ticks
+PLOT, LEFT = 46.0, 13.0  # mm: height of a panel along an axis, and its ticks
 DASHES = ("-", (0, (3, 1.5)), ":")  # by condition
 MARKERS = ("o", "s", "^")
 
@@ -97,7 +97,7 @@ def _in_rows(panels: Mapping[str, Measure], rows: Sequence[Row], legend: Sequenc
     for number, (name, measure) in enumerate(panels.items()):
         left = NAMES + LABELS + number * across
         axes = inset(figure, (left, BOTTOM), across - GAP, y)
-        axes.set(ylim=(y, 0), yticks=[])
+        axes.set(ylim=(max(y, ROW), 0), yticks=[])
         axes.spines["left"].set_visible(False)
         axes.xaxis.set_major_locator(MaxNLocator(4))
         _borders(axes, measure, axes.axvline)
@@ -118,7 +118,7 @@ def _in_rows(panels: Mapping[str, Measure], rows: Sequence[Row], legend: Sequenc
 def _marked(ax: Axes, mark: Mark, y: float, colour: str) -> None:
     """The published mark is thin and just below; effects that are no numbers have none."""
     if mark.dots:
-        ax.plot(mark.dots, [y - 0.5] * len(mark.dots), ".", color=colour, ms=3, alpha=0.45, mew=0)
+        ax.plot(mark.dots, [y - 1.2] * len(mark.dots), ".", color=colour, ms=2.5, alpha=0.6, mew=0)
     for found, at, look in (
         (
             mark.published,
@@ -167,7 +167,7 @@ def _along(panels: Mapping[str, Measure], curves: Mapping[str, Sequence[Curve]],
             )
         ax.text(left, height - 3, measure.title, va="center", **HEADING)
         note(ax, (left + (across - LEFT - GAP) / 2, BOTTOM - 2.5), axis)
-        note(ax, (left - LEFT + 1.5, BOTTOM + 4 + PLOT / 2), measure.unit, rotation=90)
+        note(ax, (left - LEFT + 2, BOTTOM + 4 + PLOT / 2), measure.unit, rotation=90)
     _legend(ax, list(handles.values()))
     return figure
 

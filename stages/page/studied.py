@@ -136,10 +136,13 @@ class Drawn:
     published: Found
     parts: components.Components | None
 
+    def told(self, measure: Measure) -> str:
+        """The state that the interval over both tells."""
+        return state(Found(self.centre, self.both, self.published.n, self.published.seeds), measure)
+
     def otherwise(self, measure: Measure) -> bool:
-        """Whether the interval over both tells of the effect what the published encoder's does not, or the reverse."""
-        both = Found(self.centre, self.both, self.published.n, self.published.seeds)
-        return state(both, measure) != state(self.published, measure)
+        """Whether that is another than the published encoder's alone."""
+        return self.told(measure) != state(self.published, measure)
 
     @property
     def label(self) -> str:

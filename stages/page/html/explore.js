@@ -40,33 +40,36 @@
 
   // What can be chosen: of a study its cells, part by part of their names.
 
-  function select(name, title, options, preferred) { // options: [value, text]
-    const chosen = options.some(([each]) => each === preferred) ? preferred : options[0][0];
-    const label = document.createElement("label");
-    const made = document.createElement("select");
-    made.name = name;
-    made.append(...options.map(([each, text]) => new Option(text, each, each === chosen, each === chosen)));
-    label.append(`${title} `, made);
-    choices.append(label);
-    return chosen;
+  /** The value of a select that has these options, [value, text]: what it had, if that is among them, else `preferred`. */
+  function select(name, title, options, preferred) {
+    let made = form.elements[name];
+    if (!made) {
+      made = Object.assign(document.createElement("select"), { name });
+      const label = document.createElement("label");
+      label.append(`${title} `, made);
+      choices.append(label);
+    }
+    const values = options.map(([each]) => each);
+    if (values.join() !== [...made.options].map((option) => option.value).join()) {
+      const chosen = [made.value, preferred, values[0]].find((each) => values.includes(each));
+      made.replaceChildren(...options.map(([each, text]) => new Option(text, each, each === chosen, each === chosen)));
+    }
+    return made.value;
   }
 
   /** Selects that lead to a cell that there is; what was chosen stays where it can. */
   function offer() {
-    const had = (name) => form.elements[name]?.value;
-    const before = Object.fromEntries(["study", "joint", ...data.parts].map((name) => [name, had(name)]));
-    choices.replaceChildren();
-    if (all.length > 1) select("study", "Study", all.map(({ title }, place) => [String(place), title]), before.study);
+    if (all.length > 1) select("study", "Study", all.map(({ title }, place) => [String(place), title]));
     let above = "";
     for (const part of data.parts) {
       const names = Object.keys(data.cells).filter((name) => name.startsWith(above));
       const values = [...new Set(names.map((name) => name.slice(above.length).split("/")[0]))];
       const title = part[0].toUpperCase() + part.slice(1);
-      above += `${select(part, title, values.map((each) => [each, data.labels[each] || each]), before[part] || PREFERRED[part])}/`;
+      above += `${select(part, title, values.map((each) => [each, data.labels[each] || each]), PREFERRED[part])}/`;
     }
     if (data.joints.length > 2) {
       const joints = data.joints.map((name, joint) => [String(joint), name.replaceAll("_", " ") + (data.attached[joint] ? ", attached" : "")]);
-      select("joint", "Joint", [["groups", "attached limb and others"], ...joints], before.joint);
+      select("joint", "Joint", [["groups", "attached limb and others"], ...joints]);
     }
   }
 
@@ -243,11 +246,7 @@
 
   form.addEventListener("change", ({ target }) => {
     if (target.name === "study") open();
-    if (target.tagName === "SELECT") {
-      const { name } = target;
-      offer();
-      form.elements[name].focus();
-    }
+    if (target.tagName === "SELECT") offer();
     if (target !== form.step) draw();
   });
   form.step.addEventListener("input", read);

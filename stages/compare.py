@@ -1,4 +1,4 @@
-"""`python -m stages.compare STUDY`: curves of every variant, its effects in every seed, and its verdicts.
+"""`python -m stages.compare STUDY`: curves of every variant, its effects in every seed, and its verdicts or its map.
 
 data/studies/STUDY.h5 has the curves, reports/studies/STUDY.json the numbers, reports/studies/explore/STUDY.json what
 the page's explorer draws. How effects are summed up and shown is the page's affair.
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mimo.record import artifact, identity
-from mimo.science import analysis, judgement, measures, summary
+from mimo.science import analysis, claims, judgement, measures, space, summary
 from mimo.settings import params, studies
 from stages.base import console, numbers, paths, provenance, store
 from stages.sweep import curves, encoders
@@ -32,7 +32,9 @@ def main() -> None:
     total = study.seeds * sum(len(study.pairs(own)) for own in study.variants)
     with console.Progress(study.title, total, "runs") as progress:
         found = {
-            own: curves.read(params.changed(p, variant.set), study.pairs(own), study.seeds, progress, f"{name}/{own}")
+            own: curves.read(
+                params.changed(p, variant.set), study.pairs(own), study.numbers(), progress, f"{name}/{own}"
+            )
             for own, variant in study.variants.items()
         }
     datasets = curves.ends(windows)
@@ -52,16 +54,21 @@ def main() -> None:
                 "set": variant.set,
                 "published": {key: operator.attrgetter(key)(p) for key in variant.set},
                 "seeds": study.seeds,
+                "first": study.first,
                 "cells": _effects(curves.curves_of(held, f"{own}/"), windows),
                 "probe": _probe(f"{name}/{own}"),
-                "claims": curves.judged(held, f"{own}/"),
+                "claims": [] if study.space else curves.judged(held, f"{own}/"),
             }
             for own, variant in study.variants.items()
         },
         "paper": _effects(curves.curves_of(published), windows),
     }
+    if study.space:
+        points = [curves.curves_of(held, f"{own}/") for own in study.variants]
+        made["space"] = space.mapped(points, windows, _space(study), claims.CLAIMS, study.measures)
     numbers.write(made, paths.STUDIES_NUMBERS / f"{name}.json")
-    numbers.write(_explored(p, study.seeds, held, list(study.variants)), paths.STUDIES_EXPLORE / f"{name}.json")
+    explored = [] if study.space else list(study.variants)  # a map's curves are too many for a page
+    numbers.write(_explored(p, study.seeds, held, explored), paths.STUDIES_EXPLORE / f"{name}.json")
 
 
 def check(name: str, study: studies.Study) -> None:
@@ -75,6 +82,14 @@ def check(name: str, study: studies.Study) -> None:
             f"{studies.PATH}: studies.{name}.measures has {', '.join(map(repr, unknown))}; "
             f"known are {', '.join(measures.MEASURES)}."
         )
+
+
+def _space(study: studies.Study) -> space.Space:
+    """Where the study's variants are in it."""
+    ranges = study.space
+    points = [[own.share(variant.set[key]) for key, own in ranges.items()] for variant in study.variants.values()]
+    choices = {place: [own.share(value) for value in own.of] for place, own in enumerate(ranges.values()) if own.of}
+    return space.Space(np.array(points), choices)
 
 
 def _effects(cells: curves.Cells, windows: dict[str, slice]) -> dict[str, dict[str, list[float]]]:

@@ -31,7 +31,7 @@ def main() -> None:
     found: dict[str, list[dict[str, Array]]] = {}
     contents = {}
     with console.Progress("Explorer", len(pairs) * p.sweep.seeds, "runs") as progress:
-        for pair, run in curves.runs(p, pairs, p.sweep.seeds, progress):
+        for pair, run in curves.runs(p, pairs, range(p.sweep.seeds), progress):
             cell = found.setdefault("/".join(pair), [])
             contents[f"{'/'.join(pair)}/{len(cell)}"] = run.content
             joints = _joints(run, p.agent.temperature)

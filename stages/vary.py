@@ -4,7 +4,7 @@ import argparse
 import json
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 from mimo.learning import experiment
@@ -28,9 +28,9 @@ def main() -> None:
     grids = {}
     for name, (variant, own) in zip(settings, study.variants.items(), strict=True):
         pairs = study.pairs(variant)
-        donors = _donors(p, own.yoked, pairs, study.seeds) if own.yoked else {}
+        donors = _donors(p, own.yoked, pairs, study.numbers()) if own.yoked else {}
         grids[name] = sweep.Grid(
-            settings[name], measured[name], files[name], p.encoder.latent_sd, pairs, study.seeds, donors
+            settings[name], measured[name], files[name], p.encoder.latent_sd, pairs, study.numbers(), donors
         )
     runs = sweep.complete(grids, p.sweep.chunk, asked.workers)
     _drop_other_variants(asked.study, set(study.variants))
@@ -71,10 +71,15 @@ def _scales(
         if not store.has(store.SCALE, digest, elsewhere=[paths.SCALES])
     }
     _record({name: settings[name] for name in todo}, todo, sights, workers)
+    tasks = {}
     for name, trained in todo.items():
         rest = scales.rest_digest(settings[name], sights[name])
         record = artifact.read(store.place(store.REST, rest), store.REST, rest)
-        store.keep(store.SCALE, digests[name], scales.measure(settings[name], trained, sights[name], record))
+        tasks[name] = partial(scales.measure, settings[name], trained, sights[name], record)
+    if tasks:
+        with console.Progress("Scales", len(tasks), "variants") as progress:
+            for _ in sweep.fill(store.SCALE, digests, tasks, workers):
+                progress.update(progress.done + 1)
     return {name: scales.read(store.place(store.SCALE, digest), digest) for name, digest in digests.items()}
 
 
@@ -99,12 +104,12 @@ def _record(
 
 
 def _donors(
-    p: params.Params, reward: str, pairs: tuple[tuple[str, str], ...], seeds: int
+    p: params.Params, reward: str, pairs: tuple[tuple[str, str], ...], seeds: Iterable[int]
 ) -> dict[tuple[str, int], experiment.Donor]:
     """Whose mobile each yoked infant is under: the published run of the next seed, which has another's noise."""
     found = {}
     for condition in dict.fromkeys(condition for condition, _ in pairs):
-        for seed in range(seeds):
+        for seed in seeds:
             other = (seed + 1) % p.sweep.seeds
             run = artifact.read(paths.run(condition, reward, other), store.RUN)
             acted = (run[name].astype(bool) for name in ("action", "positive"))

@@ -1,6 +1,6 @@
 """What studies measure of a cell's runs: effects in every seed, as the claims' are, and regions where they count."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,12 +94,12 @@ MEASURES = {
 }  # fmt: skip
 
 
-def effects(curves: Curves, windows: Windows) -> dict[str, list[float]]:
-    """Of one cell, by measure's name: the effect in each seed, for every measure that its curves allow."""
+def effects(curves: Curves, windows: Windows, names: Iterable[str] = MEASURES) -> dict[str, list[float]]:
+    """Of one cell, by measure's name: the effect in each seed, for every one of the measures that its curves allow."""
     return {
-        name: np.asarray(own.measure({CELL: curves}, windows), np.float64).tolist()
-        for name, own in MEASURES.items()
-        if own.needs in curves
+        name: np.asarray(MEASURES[name].measure({CELL: curves}, windows), np.float64).tolist()
+        for name in names
+        if MEASURES[name].needs in curves
     }
 
 

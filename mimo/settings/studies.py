@@ -1,8 +1,10 @@
 """studies/params.yaml: what is asked beyond the paper, each study by changing a few values of params.yaml."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from mimo.settings.complaints import bad_names, bad_rewards, unless
@@ -17,6 +19,8 @@ VARIED = (
     "conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd", "protocol.limb", "collect.limbs",
     "collect.draw",
 )  # fmt: skip
+MOST = 1000  # seeds
+SIGNIFICANT = 3  # digits of a point's values
 FIGURES = 3  # measures that a study's figure has room for
 
 Text = Annotated[str, Field(min_length=1)]
@@ -53,25 +57,68 @@ class Effects(Section):
         return unless(faults, self)
 
 
+class Range(Section):
+    """Values of a constant in a space: from `low` to `high`, evenly in the logarithm with `log`, or those of `of`."""
+
+    low: float | None = None
+    high: float | None = None
+    log: bool = False
+    of: Annotated[list[str | bool], Field(min_length=2)] | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> "Range":
+        ends = (self.low, self.high)
+        if (self.of is None) == (None in ends) or (self.of and ends != (None, None)):
+            return unless(["low and high, or else of, must be given"], self)
+        if self.of is None and not (ends[0] < ends[1] and (ends[0] > 0 or not self.log)):  # type: ignore[operator]
+            return unless(["low must be less than high, and above 0 with log"], self)
+        return self
+
+    def value(self, share: float, kind: type) -> Any:
+        """What lies at a share of the range, in [0, 1): with SIGNIFICANT digits, and whole if `kind` is int."""
+        if self.of:
+            return self.of[int(share * len(self.of))]
+        assert self.low is not None and self.high is not None
+        low, high = (math.log(end) if self.log else end for end in (self.low, self.high))
+        found = low + share * (high - low)
+        found = float(f"{math.exp(found) if self.log else found:.{SIGNIFICANT}g}")
+        return round(found) if kind is int else found
+
+    def share(self, value: Any) -> float:
+        """Where a value lies, from 0 to 1; of the n values in `of`, the middle of an nth each."""
+        if self.of:
+            return (self.of.index(value) + 0.5) / len(self.of)
+        assert self.low is not None and self.high is not None
+        low, high, at = (math.log(end) if self.log else end for end in (self.low, self.high, value))
+        return (at - low) / (high - low)
+
+
 class Variant(Section):
     """The published params with some values changed.
 
     `set` has a value, or a list, by dotted key; `load` checks them. `cells` has rewards' names by condition, where they
-    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked).
+    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked). One with
+    `points` is so many variants, numbered from 0: those of a scrambled Sobol sequence over the ranges `over`, by dotted
+    key, whose order counts; `load` puts them in its place.
     """
 
     asks: Text | None = None
     set: dict[str, Any]
     cells: Cells | None = None
     yoked: Text | None = None
+    points: Annotated[int, Field(gt=0, le=100)] | None = None
+    over: Annotated[dict[str, Range], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> "Variant":
         faults = [
-            f"set has {shown(key)}, but a variant may change only {', '.join(VARIED)}"
-            for key in self.set
+            f"{where} has {shown(key)}, but a variant may change only {', '.join(VARIED)}"
+            for where, values in (("set", self.set), ("over", self.over or {}))
+            for key in values
             if key.split(".")[0] in Params.model_fields and not any(f"{key}.".startswith(f"{v}.") for v in VARIED)
         ]
+        if (self.points is None) != (self.over is None):
+            faults.append("points and over must be given together, or neither")
         faults += [f"set has {shown(key)}, a section; give its values" for key, v in self.set.items() if _section(v)]
         for condition, rewards in (self.cells or {}).items():
             faults += bad_rewards(f"cells.{condition}", rewards, REWARDS)
@@ -86,9 +133,9 @@ class Study(Section):
     """A question, and the variants whose runs answer it.
 
     `asks` is the question, `expects` what the paper or earlier work let expect, `limits` what the answer cannot say.
-    `seeds` seeds are computed of each cell; `measures` (mimo.science.measures) are shown, the first FIGURES in the
-    figure. Where `axis` is a key that every variant sets to a number, and the published params have one too, effects
-    are shown against it.
+    `seeds` seeds are computed of each cell, from the seed `first` on; `measures` (mimo.science.measures) are shown, the
+    first FIGURES in the figure. Where `axis` is a key that every variant sets to a number, and the published params
+    have one too, effects are shown against it.
     """
 
     title: Text
@@ -96,10 +143,21 @@ class Study(Section):
     expects: Text
     limits: Text
     seeds: Seeds
+    first: Annotated[int, Field(ge=0, lt=MOST)] = 0
     measures: Annotated[list[str], Field(min_length=1)]
     axis: Text | None = None
     cells: Cells
     variants: Annotated[dict[str, Variant], Field(min_length=1)]
+
+    @property
+    def space(self) -> dict[str, Range]:
+        """By dotted key, what its variants are points of; empty where they are not points of one space."""
+        spaces = [variant.over or {} for variant in self.variants.values()]
+        return spaces[0] if all(space == spaces[0] for space in spaces) else {}
+
+    def numbers(self) -> range:
+        """Its seeds'."""
+        return range(self.first, self.first + self.seeds)
 
     def pairs(self, variant: str) -> tuple[tuple[Condition, str], ...]:
         """Condition and reward of each of a variant's cells."""
@@ -109,6 +167,8 @@ class Study(Section):
     @model_validator(mode="after")
     def _known(self) -> "Study":
         faults = bad_names("variants", self.variants)
+        if self.numbers().stop > MOST:
+            faults.append(f"first and seeds come to more than {MOST}; files are numbered with three digits")
         if len(set(self.measures)) < len(self.measures):
             faults.append("measures names one entry twice")
         for condition, rewards in self.cells.items():
@@ -144,6 +204,7 @@ def load(params: Params, path: Path = PATH) -> Studies:
         ParamsError: unreadable, or one or more values do not hold; all faults at once, a sentence each.
     """
     found = loaded(path, Studies)
+    found = found.model_copy(update={"studies": {name: spanned(params, own) for name, own in found.studies.items()}})
     changes = {
         f"studies.{name}.variants.{own}.set": variant.set
         for name, study in found.studies.items()
@@ -178,6 +239,38 @@ def study(params: Params, name: str) -> Study:
     if name not in known:
         raise ParamsError(f"There is no study {shown(name)} in {PATH}; known are {', '.join(known)}.")
     return known[name]
+
+
+def spanned(params: Params, study: Study) -> Study:
+    """The study with points in place of each variant that has some; an unknown key is `load`'s to find."""
+    variants: dict[str, Variant] = {}
+    for name, variant in study.variants.items():
+        if variant.points is None or variant.over is None:
+            variants[name] = variant
+            continue
+        whole = params.model_dump()
+        kinds = [type(_value(whole, key)) for key in variant.over]
+        for place, shares in enumerate(_sobol(len(variant.over), variant.points)):
+            values = zip(variant.over.items(), shares, kinds, strict=True)
+            own = {key: over.value(share, kind) for (key, over), share, kind in values}
+            variants[f"{name}{place:02d}"] = variant.model_copy(update={"set": variant.set | own})
+    return study.model_copy(update={"variants": variants})
+
+
+def _value(values: Any, key: str) -> Any:
+    """At a dotted key; None where there is none."""
+    for part in key.split("."):
+        values = values.get(part) if isinstance(values, dict) else None
+    return values
+
+
+def _sobol(dimensions: int, points: int) -> list[list[float]]:
+    """The first points of the one scrambled Sobol sequence of so many dimensions."""
+    from scipy.stats import qmc  # here, as it takes half a second to load
+
+    sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(0))
+    found: list[list[float]] = sequence.random_base2((points - 1).bit_length())[:points].tolist()
+    return found
 
 
 def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:

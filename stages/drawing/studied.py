@@ -65,7 +65,7 @@ def in_rows(name: str, says: str, panels: Mapping[str, Measure], rows: Sequence[
         rows: in order.
         legend: what own and published marks, and dots if there are any, are called.
     """
-    return _svg(name, says, lambda: _in_rows(panels, rows, legend))
+    return svg(name, says, lambda: _in_rows(panels, rows, legend))
 
 
 def along(
@@ -77,7 +77,7 @@ def along(
     standard: float,
 ) -> str:
     """Curves by measure over one axis, whose published value, `standard`, is marked; else as in `in_rows`."""
-    return _svg(name, says, lambda: _along(panels, curves, axis, standard))
+    return svg(name, says, lambda: _along(panels, curves, axis, standard))
 
 
 def _in_rows(panels: Mapping[str, Measure], rows: Sequence[Row], legend: Sequence[str]) -> Figure:
@@ -100,10 +100,10 @@ def _in_rows(panels: Mapping[str, Measure], rows: Sequence[Row], legend: Sequenc
         axes.set(ylim=(max(y, ROW), 0), yticks=[])
         axes.spines["left"].set_visible(False)
         axes.xaxis.set_major_locator(MaxNLocator(4))
-        _borders(axes, measure, axes.axvline)
+        borders(axes, measure, axes.axvline)
         for row, place in zip(rows, places, strict=True):
             if name in row.marks:
-                _marked(axes, row.marks[name], place + ROW / 2, _colour(row.reward))
+                _marked(axes, row.marks[name], place + ROW / 2, colour_of(row.reward))
         ax.text(left, height - 3, measure.title, va="center", **HEADING)
         note(ax, (left + (across - GAP) / 2, BOTTOM - 6.5), measure.unit)
     handles = [
@@ -111,7 +111,7 @@ def _in_rows(panels: Mapping[str, Measure], rows: Sequence[Row], legend: Sequenc
         Line2D([], [], color=OTHER_COLOUR, marker="D", ms=2.5, mfc="white", lw=0.6, label=legend[1]),
         Line2D([], [], color=INK, marker=".", ms=3, lw=0, alpha=0.5, label=legend[-1]),
     ]
-    _legend(ax, handles[: len(legend)])
+    foot(ax, handles[: len(legend)])
     return figure
 
 
@@ -143,13 +143,13 @@ def _along(panels: Mapping[str, Measure], curves: Mapping[str, Sequence[Curve]],
         axes = inset(figure, (left, BOTTOM + 4), across - LEFT - GAP, PLOT)
         axes.axvline(standard, color=GROUND, lw=4, zorder=0)
         axes.yaxis.set_major_locator(MaxNLocator(5))
-        _borders(axes, measure, axes.axhline)
+        borders(axes, measure, axes.axhline)
         held = curves.get(name, ())
         width = max((np.ptp(list(curve.points)) for curve in held), default=1.0) or 1.0
         for place, curve in enumerate(held):
             look = conditions.index(curve.condition)
             values = np.array(list(curve.points)) + (place - (len(held) - 1) / 2) * 0.008 * width  # side by side
-            colour, found = _colour(curve.reward), list(curve.points.values())
+            colour, found = colour_of(curve.reward), list(curve.points.values())
             for x, own in zip(values, found, strict=True):
                 if own.interval:
                     axes.plot((x, x), own.interval, color=colour, lw=0.8, alpha=0.7)
@@ -168,11 +168,11 @@ def _along(panels: Mapping[str, Measure], curves: Mapping[str, Sequence[Curve]],
         ax.text(left, height - 3, measure.title, va="center", **HEADING)
         note(ax, (left + (across - LEFT - GAP) / 2, BOTTOM - 2.5), axis)
         note(ax, (left - LEFT + 2, BOTTOM + 4 + PLOT / 2), measure.unit, rotation=90)
-    _legend(ax, list(handles.values()))
+    foot(ax, list(handles.values()))
     return figure
 
 
-def _borders(ax: Axes, measure: Measure, line: object) -> None:
+def borders(ax: Axes, measure: Measure, line: object) -> None:
     """Zero, and the ends of the region where an effect counts."""
     assert callable(line)
     line(0, color=INK, lw=0.5, zorder=0)
@@ -181,15 +181,19 @@ def _borders(ax: Axes, measure: Measure, line: object) -> None:
             line(end, color=INK, lw=0.5, ls=(0, (1, 2)), zorder=0)
 
 
-def _legend(ax: Axes, handles: list[Line2D]) -> None:
-    ax.legend(handles=handles, loc="lower center", ncols=min(6, max(1, len(handles))), fontsize=SMALL, borderpad=0)
+def foot(ax: Axes, handles: list[Line2D], columns: int = 6) -> None:
+    """At the foot of the page."""
+    ax.legend(
+        handles=handles, loc="lower center", ncols=min(columns, max(1, len(handles))), fontsize=SMALL, borderpad=0
+    )
 
 
-def _colour(reward: str) -> str:
+def colour_of(reward: str) -> str:
+    """The reward's."""
     return COLOURS.get(reward, OTHER_COLOUR)
 
 
-def _svg(name: str, says: str, draw: object) -> str:
+def svg(name: str, says: str, draw: object) -> str:
     """The element alone, whatever the user's own matplotlibrc says; it is as wide as there is room."""
     assert callable(draw)
     with mpl.rc_context():

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from mimo.science import summary
 from mimo.science.measures import Found
+from stages.drawing import mapped
 from stages.drawing import studied as drawing
 from stages.page.studied import Cell, Studied
 
@@ -13,6 +14,8 @@ OWN, PUBLISHED = "the variant's runs", "published runs, same seeds"
 def figure(own: Studied) -> str:
     """As SVG, for the page."""
     says = f"{own.study.title}: {', '.join(measure.title for measure in own.drawn.values())}; the numbers are below."
+    if own.kind == "space":
+        return _map(own, says)
     if own.kind == "along":
         assert own.study.axis is not None
         curves = {
@@ -25,6 +28,27 @@ def figure(own: Studied) -> str:
         legend = ("all encoders", "published encoder, same seeds", "each encoder")
         return drawing.in_rows(own.name, says, own.drawn, list(_encoders(own)), legend)
     return drawing.in_rows(own.name, says, own.drawn, [_row(own, cell) for cell in own.cells], (OWN, PUBLISHED))
+
+
+def _map(own: Studied, says: str) -> str:
+    columns = [
+        mapped.Column(name.replace(" ", "\n"), ticks, few, published)
+        for name, ticks, few, published in own.space.columns
+    ]
+    effects = {
+        name: [
+            mapped.Effect(f"{condition}, {summary.label(reward)}", condition, reward, found["main"])
+            for cell, found in cells.items()
+            for condition, reward in [cell.split("/")]
+        ]
+        for name, cells in own.made["space"]["measures"].items()
+        if name in own.drawn
+    }
+    verdicts = [
+        mapped.Verdict(f"{each['claim'].split()[0]} as {each['group']}", each["share"], each["by"])
+        for each in own.made["space"]["verdicts"]
+    ]
+    return mapped.mapped(own.name, says, columns, own.drawn, effects, verdicts)
 
 
 def _row(own: Studied, cell: Cell) -> drawing.Row:

@@ -17,6 +17,7 @@ from mimo.science.measures import MEASURES, Found, Measure
 from mimo.settings.studies import FIGURES, Study
 from stages.base.numbers import number
 from stages.page import verdicts
+from stages.page.charted import Charted
 
 STATES = RISEN, FLAT, FALLEN, OPEN = "risen", "flat", "fallen", "open"
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
@@ -166,11 +167,19 @@ class Studied:
     def kind(self) -> str:
         """What of html/kinds shows it: by what its variants are to each other."""
         variants = self.study.variants.values()
+        if self.study.space:
+            return "space"
         if self.study.axis:
             return "along"
         if all(set(variant.set) == {DRAW} for variant in variants):
             return "draws"
         return "turned" if all(variant.asks for variant in variants) else "plain"
+
+    @cached_property
+    def space(self) -> Charted:
+        """Of a study whose variants are points of one."""
+        published = next(iter(self.variants.values()))["published"]
+        return Charted(self.study.space, published, tuple(self.study.variants), self.made["space"])
 
     @property
     def answer(self) -> str:
@@ -227,7 +236,7 @@ class Studied:
         for condition, reward in twins:
             effects = self._paper(condition, reward)
             found[condition, reward] = {
-                name: _summed(effects[name][: self.seeds]) for name in self.study.measures if name in effects
+                name: _summed(self._twins(effects[name])) for name in self.study.measures if name in effects
             }
         return found
 
@@ -242,7 +251,7 @@ class Studied:
             for claim in own["claims"]:
                 for group, test in _judged(claim):
                     before = published.get((claim["name"], group, test["name"]))
-                    turn = before and _turned(variant, claim["name"], group, before, test)
+                    turn = before and _turned(variant, claim["name"], group, before, test, self.study.first)
                     found += [turn] if turn else []
         return found
 
@@ -347,7 +356,7 @@ class Studied:
         twin = next((own for own in (reward, REFERENCE) if f"{condition}/{own}" in self.made["paper"]), None)
         paper: Effects = self._paper(condition, twin) if twin else {}
         found = {
-            measure: _compared(effects[measure], paper.get(measure))
+            measure: _compared(effects[measure], self._twins(paper.get(measure, [])))
             for measure in self.study.measures
             if measure in effects
         }
@@ -360,7 +369,12 @@ class Studied:
     def _same(self, condition: str, reward: str, measure: str) -> list[float | None] | None:
         """The published effects of the study's seeds."""
         effects = self._paper(condition, reward).get(measure)
-        return effects and effects[: self.seeds]
+        return effects and self._twins(effects)
+
+    def _twins(self, published: list[float | None]) -> list[float | None]:
+        """Of the published effects, those of the study's own seeds."""
+        first = self.study.first
+        return published[first : first + self.seeds]
 
 
 def studied(
@@ -415,10 +429,10 @@ def _once(effects: tuple[float, ...]) -> Found:
     return measures.summed(list(effects))
 
 
-def _compared(own: list[float | None], paper: list[float | None] | None) -> Compared:
-    if not paper:
+def _compared(own: list[float | None], twins: list[float | None]) -> Compared:
+    if not twins:
         return Compared(_summed(own))
-    return Compared(_summed(own), _summed(paper[: len(own)]), _change(own, paper))
+    return Compared(_summed(own), _summed(twins[: len(own)]), _change(own, twins))
 
 
 def _change(own: list[float | None], paper: list[float | None]) -> Found:
@@ -431,16 +445,19 @@ def _judged(claim: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]
     yield from ((group, test) for group, test in verdicts.tests(claim) if group in judgement.GROUPS)
 
 
-def _turned(variant: str, claim: str, group: str, before: Mapping[str, Any], test: Mapping[str, Any]) -> Turn | None:
+def _turned(
+    variant: str, claim: str, group: str, before: Mapping[str, Any], test: Mapping[str, Any], first: int
+) -> Turn | None:
     """None where the verdict is the published one of the same seeds, or where the effect may be the same.
 
     A published test that is saturated with all its seeds is so with the first of them.
     """
-    published, own = _summed(before["seeds"][: test["n"]]), _summed(test["seeds"])
+    twins = before["seeds"][first : first + test["n"]]
+    published, own = _summed(twins), _summed(test["seeds"])
     low, high = (-np.inf if test["region"][0] is None else test["region"][0]), test["region"][1]
     bounds = None if before["saturated"] else published.interval
     word = judgement.verdict(bounds, low, np.inf if high is None else high)
-    change = _change(test["seeds"], before["seeds"])
+    change = _change(test["seeds"], twins)
     if word == test["verdict"] or not change.certain:
         return None
     return Turn(variant, claim, group, test["says"], test["unit"], word, test["verdict"], published, own, change)

@@ -50,7 +50,7 @@ def about(p: Params, seeds: int) -> dict[str, str | int | float]:
 
 
 def read(
-    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: range, progress: console.Progress, variant: str = ""
 ) -> Stacked:
     """The curves of some cells, of the paper or of a variant, whose params `p` then is; else as in `runs`."""
     limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
@@ -69,14 +69,14 @@ def read(
 
 
 def runs(
-    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: range, progress: console.Progress, variant: str = ""
 ) -> Iterator[tuple[tuple[str, str], artifact.Artifact]]:
     """The runs of some cells, a cell's in the order of seeds, each with its condition and reward.
 
     Args:
         p: for the protocol, which all variants share.
         pairs: condition and reward of each cell.
-        seeds: how many there are of each.
+        seeds: of each.
         progress: counts runs.
         variant: empty for the paper's own.
 
@@ -87,7 +87,7 @@ def runs(
     pairs = list(pairs)
     listed = digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
     steps = phases(p)["extinction"].stop
-    for pair, seed in itertools.product(pairs, range(seeds)):
+    for pair, seed in itertools.product(pairs, seeds):
         path = paths.run(*pair, seed, variant)
         run = artifact.read(path, store.RUN, listed.get(path))
         if len(run["reward"]) != steps:

@@ -33,7 +33,7 @@ class Grid:
         encoder: the encoder's file.
         latent_sd: that the encoder was made with.
         cells: conditions and rewards.
-        seeds: how many of each.
+        seeds: of each.
         donors: of yoked infants, by condition and the infant's seed; else there are none.
     """
 
@@ -42,7 +42,7 @@ class Grid:
     encoder: bytes
     latent_sd: float
     cells: tuple[tuple[str, str], ...]
-    seeds: int
+    seeds: range
     donors: Mapping[tuple[str, int], experiment.Donor] = field(default_factory=dict)
 
 
@@ -53,7 +53,7 @@ def grid(p: Params) -> Grid:
     """The paper's own runs."""
     cells = tuple(itertools.product(p.sweep.conditions, p.sweep.rewards))
     file = paths.ENCODER.read_bytes()
-    return Grid(p, scales.read(paths.SCALES), file, p.encoder.latent_sd, cells, p.sweep.seeds)
+    return Grid(p, scales.read(paths.SCALES), file, p.encoder.latent_sd, cells, range(p.sweep.seeds))
 
 
 def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> extractor.Trained:
@@ -90,7 +90,7 @@ def wanted(job: Job) -> list[Run]:
         run
         for variant, grid in job.items()
         for condition, reward in grid.cells
-        for run in runs_of(grid, sights[grid.encoder], variant, condition, reward, range(grid.seeds))
+        for run in runs_of(grid, sights[grid.encoder], variant, condition, reward, grid.seeds)
     ]
 
 

@@ -64,7 +64,7 @@ def test_workers_order_and_chunks_change_no_byte(
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     cells = (("free", "rtl"), ("noisy", "cais"), ("free", "surprise"))
     wrong = {**scales, "surprise": 1e-320}
-    job = {"": sweep.Grid(tiny, wrong, encoder_file, tiny.encoder.latent_sd, cells, SEEDS)}
+    job = {"": sweep.Grid(tiny, wrong, encoder_file, tiny.encoder.latent_sd, cells, range(SEEDS))}
     runs = sweep.wanted(job)
     found: dict[str, tuple[dict[str, bytes], list[str]]] = {}
     for name, (workers, size, order) in CASES.items():

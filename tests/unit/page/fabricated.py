@@ -1,17 +1,21 @@
 """Studies and numbers as stages.compare writes them, whose effects are known."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mimo.science import judgement
 from mimo.science.measures import MEASURES, summed
+from mimo.settings import params
+from mimo.settings import studies as settings
 from mimo.settings.studies import Studies, Study
 from stages.base import numbers
 
 Effect = Callable[[str, str, str], float]  # of a variant ("published" is one), a cell and a measure
 LEVEL, SEEDS = 0.95, 20
+PARAMS = params.load(Path(__file__).resolve().parents[3] / "params.yaml")
 PAPER = ("mtl", "rtl", "cais", "surprise", "mtl_surprise", "rtl_surprise", "cais_surprise")
 EFFECTS = {"steps": 700, "dropped": 20, "worlds": 4, "alternatives": {"heavy": {"world.mobile_mass": 0.3}}}
 
@@ -80,7 +84,41 @@ def made(study: Study, effect: Effect, published: Mapping[str, Any] | None = Non
             "probe": probe if any(key.startswith("collect") for key in own.set) else {},
             "claims": claims(cells),
         }
-    return {"results": "1" * 64, "published": "2" * 64, "level": LEVEL, "variants": variants, "paper": paper(effect)}
+    found = {"results": "1" * 64, "published": "2" * 64, "level": LEVEL, "variants": variants, "paper": paper(effect)}
+    return found | ({"space": space(study)} if study.space else {})
+
+
+def space(study: Study) -> dict[str, Any]:
+    """A map on which claim 1 holds, as shown, in the upper half of the first constant; as said it holds nowhere."""
+    keys, points = list(study.space), len(study.variants)
+    first = [study.space[keys[0]].share(own.set[keys[0]]) >= 0.5 for own in study.variants.values()]
+    shares = [0.6, 0.1, *[0.0] * (len(keys) - 2)]
+    fit = {"q2": 0.7, "ceiling": 0.9, "shares": shares, "pairs": [[0, 1, 0.05]]}
+    bins = [len(own.of or ()) or 8 for own in study.space.values()]
+    by = [[float(one >= bins[0] / 2) for one in range(bins[0])], *([0.5] * count for count in bins[1:])]
+    tests = [
+        fit | {
+            "claim": "1 one", "group": group, "name": "own", "says": "free, CAIS: lead", "unit": "P(MOVE)",
+            "region": [0.05, None], "seeds": [[0.1] * study.seeds] * points, "foretold": met, "share": share,
+        }
+        for group, met, share in (("shown", first, 0.5), ("said", [False] * points, 0.0))
+    ]  # fmt: skip
+    cells = {f"{condition}/{reward}" for name in study.variants for condition, reward in study.pairs(name)}
+    main = [[0.0, 0.1] if own.of else [0.0] * 4 + [0.2] * 5 for own in study.space.values()]
+    return {
+        "tests": tests,
+        "measures": {name: {cell: fit | {"main": main} for cell in sorted(cells)} for name in study.measures},
+        "verdicts": [
+            {"claim": "1 one", "group": "shown", "tests": 1, "share": 0.5, "met": first, "by": by},
+            {
+                "claim": "1 one", "group": "said", "tests": 1, "share": 0.0, "met": [False] * points,
+                "by": [[0.0] * count for count in bins],
+            },
+        ],
+        "together": {"counts": [0.5, 0.5, 0.0], "all": 0.0},
+        "excluding": [["1 one, as shown", "1 one, as said"]],
+        "order": sorted(range(points), key=lambda place: (not first[place], place)),
+    }  # fmt: skip
 
 
 def explored(study: Study) -> dict[str, Any]:
@@ -104,6 +142,14 @@ def explored(study: Study) -> dict[str, Any]:
 
 
 def studies(**own: Mapping[str, Any]) -> Studies:
+    """As `written`, with points in place of each variant that has some, as they are when loaded."""
+    found = written(**own)
+    return found.model_copy(
+        update={"studies": {name: settings.spanned(PARAMS, it) for name, it in found.studies.items()}}
+    )
+
+
+def written(**own: Mapping[str, Any]) -> Studies:
     """Studies by name; what a study does not say is as little as can be."""
     least = {
         "title": "A title", "asks": "Does it?", "expects": "It does.", "limits": "Not here.", "seeds": 5,

@@ -38,6 +38,20 @@ ASKED: dict[str, dict[str, Any]] = {  # one study of each kind
         },
     },
     "drawn": {"variants": {f"draw{draw}": {"set": {"collect.draw": draw}} for draw in (1, 2, 3)}},
+    "mapped": {
+        "seeds": 2,
+        "cells": {"free": ["mtl"], "noisy": ["cais"]},
+        "variants": {
+            "p": {
+                "set": {},
+                "points": 8,
+                "over": {
+                    "rewards.gain": {"low": 0.1, "high": 1.0, "log": True},
+                    "rewards.scale": {"of": ["resting", "running"]},
+                },
+            }
+        },
+    },
     "other": {"cells": {"noisy": ["mtl", "cais"]}, "variants": {"tied": {"set": {"protocol.limb": "right_foot"}}}},
 }  # fmt: skip
 WORLD = {"attached": [0.8, -0.004, 0.25], "others": 0.05}
@@ -84,7 +98,7 @@ def made(asked: Studies) -> dict[str, dict[str, Any]]:
 
 
 def written(asked: Studies, made: Mapping[str, dict[str, Any]]) -> str:
-    explored = {name: fabricated.explored(asked.studies[name]) for name in made}
+    explored = {name: fabricated.explored(asked.studies[name]) for name in made if name != "mapped"}
     return page.studies(asked, page.Beyond(dict(made), explored), fabricated.judged(effect), EFFECTS, [])
 
 
@@ -206,6 +220,45 @@ def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str)
     assert re.match(r"−0\.(3|4)\d\d \[−0\.\d{3}, −0\.\d{3}\]", trend)
 
 
+def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None:
+    words = plain(section(html, "study-mapped"))
+    assert (
+        "There is no region where all 2 verdicts hold: the most that hold together are 1, in 50 % of the space."
+        in words
+    )
+    assert "In a part of it: 1 one, as shown (50 %)" in words
+    assert "As good as nowhere: 1 one, as said (0 %)" in words
+    assert "2 of 2 tests are foretold at points left out" in words
+    assert "most hang on gain (2)" in words
+    assert "Fewer together than by chance: 1 one, as shown with 1 one, as said." in words
+
+
+def test_a_maps_tables_have_its_verdicts_tests_and_points(html: str) -> None:
+    verdicts = [row for row in rows(html, "study-mapped") if row[0].startswith("1 one")]
+    assert verdicts == [
+        [
+            "1 one, as shown",
+            "0.50",
+            "4",
+            "free, CAIS: lead",
+            "0.50",
+            "0.70",
+            "gain 0.60, scale 0.10, gain x scale 0.05",
+        ],
+        ["1 one, as said", "0.00", "0", "free, CAIS: lead", "0.00", "0.70", "gain 0.60, scale 0.10, gain x scale 0.05"],
+    ]
+    points = [row for row in rows(html, "study-mapped") if re.fullmatch(r"p0\d", row[0])]
+    assert [row[1] for row in points] == ["1"] * 4 + ["0"] * 4
+    assert all((float(row[3]) > 0.316) == (row[1] == "1") for row in points)
+    assert {row[4] for row in points} == {"resting", "running"}
+
+
+def test_a_maps_figure_has_a_column_for_each_constant_and_a_row_for_each_verdict(html: str) -> None:
+    drawn = section(html, "study-mapped").split("<svg")[1].split("</svg>")[0]
+    for text in ("gain", "scale", "0.1", "1", "resting", "running", "1 as shown", "50 %", "0 %", "free, MTL"):
+        assert f">{text}<" in drawn, text
+
+
 def test_encoders_share_of_the_variance_is_told(html: str) -> None:
     row = next(row for row in rows(html, "study-drawn") if row[0] == "free, CAIS" and len(row) == 7)
     between, seeds, rest, share = (float(text.split()[0]) for text in row[1:5])
@@ -240,7 +293,7 @@ def test_effects_that_are_no_numbers_are_dashes(asked: Studies, made: dict[str, 
 def test_the_explorers_data_are_the_studies(html: str) -> None:
     blocks = re.findall(r'<script type="application/json" class="explored">(.*?)</script>', html, re.DOTALL)
     found = [json.loads(block) for block in blocks]
-    assert [one["title"] for one in found] == [f"Study {name}" for name in ASKED]
+    assert [one["title"] for one in found] == [f"Study {name}" for name in ASKED if name != "mapped"]
     assert set(found[0]["cells"]) == {f"n{force}/noisy/{reward}" for force in (0, 80) for reward in ("mtl", "cais")}
     assert found[0]["parts"] == ["variant", "condition", "reward"]
 
@@ -259,7 +312,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: Studies, made
     """A project of settings and reports alone, as working directory."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(ROOT / paths.PARAMS, paths.PARAMS)
-    settings = asked.model_dump(exclude_none=True, mode="json")
+    settings = fabricated.written(**ASKED).model_dump(exclude_none=True, mode="json")
     reports: dict[Path, Any] = {paths.CLAIMS: fabricated.judged(effect), paths.EFFECTS: EFFECTS}
     reports |= {paths.STUDIES_NUMBERS / f"{name}.json": own for name, own in made.items()}
     reports |= {paths.STUDIES_EXPLORE / f"{name}.json": fabricated.explored(asked.studies[name]) for name in made}

@@ -35,7 +35,7 @@ def _away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def grid(p: Params, scales: dict[str, float], encoder: bytes) -> Grid:
     """The sweep of `p`, as stages.train asks for it."""
     cells = tuple(itertools.product(p.sweep.conditions, p.sweep.rewards))
-    return Grid(p, scales, encoder, p.encoder.latent_sd, cells, p.sweep.seeds)
+    return Grid(p, scales, encoder, p.encoder.latent_sd, cells, range(p.sweep.seeds))
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_runs_are_all_of_the_sweep_in_order(job: Job) -> None:
     ]  # fmt: skip
     assert len({run.digest for run in made}) == 4
     own = job[""]
-    wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=3)
+    wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=range(3))
     more = sweep.wanted({"": wider})
     assert len(more) == 12
     assert set(made) <= set(more)

@@ -137,6 +137,100 @@ def test_a_variant_of_another_shape_is_refused(changes: dict[str, Any], sentence
     assert said.startswith(sentence)
 
 
+# Spaces.
+
+SPAN = {
+    "set": {"agent.gamma": 0.5},
+    "points": 20,
+    "over": {
+        "rewards.gain": {"low": 0.1, "high": 1.0, "log": True},
+        "outcomes.batch": {"low": 2, "high": 32},
+        "rewards.cais.pays": {"of": ["move", "taken"]},
+        "agent.bias_in_target": {"of": [True, False]},
+    },
+}
+
+
+def spanned(**changes: Any) -> studies.Study:
+    return studies.spanned(P, found(variants={"p": SPAN | changes, "plain": PLAIN}))
+
+
+def test_a_variant_with_points_is_so_many_of_its_ranges() -> None:
+    study = spanned()
+    assert [*study.variants] == [*(f"p{place:02d}" for place in range(20)), "plain"]
+    values = [variant.set for name, variant in study.variants.items() if name != "plain"]
+    assert all(own["agent.gamma"] == 0.5 for own in values)
+    gains, batches = [own["rewards.gain"] for own in values], [own["outcomes.batch"] for own in values]
+    assert all(0.1 <= gain < 1 and float(f"{gain:.3g}") == gain for gain in gains)
+    assert 8 <= sum(gain < 0.1**0.5 for gain in gains) <= 12  # half of it, in the logarithm
+    assert all(type(batch) is int and 2 <= batch <= 32 for batch in batches)
+    assert 8 <= sum(batch < 17 for batch in batches) <= 12
+    assert 8 <= sum(own["rewards.cais.pays"] == "move" for own in values) <= 12
+    assert {own["agent.bias_in_target"] for own in values} == {True, False}
+    assert all(params.changed(P, own) for own in values)
+
+
+def test_with_more_points_the_first_are_the_same() -> None:
+    few, many = spanned(), spanned(points=40)
+    assert all(
+        many.variants[name] == variant.model_copy(update={"points": 40})
+        for name, variant in few.variants.items()
+        if name != "plain"
+    )
+
+
+def test_a_study_of_one_space_alone_has_it() -> None:
+    whole = studies.spanned(P, found(variants={"p": SPAN}))
+    assert whole.space.keys() == {"rewards.gain", "outcomes.batch", "rewards.cais.pays", "agent.bias_in_target"}
+    assert spanned().space == {}
+    assert found().space == {}
+
+
+@pytest.mark.parametrize("values", [{"low": 0.1, "high": 1.0, "log": True}, {"low": -1.0, "high": 2.0}])
+def test_a_share_of_a_range_and_its_value_are_each_others(values: dict[str, Any]) -> None:
+    own = studies.Range.model_validate(values)
+    for share in (0.0, 0.2, 0.99):
+        assert own.share(own.value(share, float)) == pytest.approx(share, abs=0.01)
+
+
+def test_of_a_few_values_each_has_the_middle_of_its_stretch() -> None:
+    own = studies.Range.model_validate({"of": ["a", "b"]})
+    assert [own.value(share, str) for share in (0.0, 0.49, 0.5, 0.99)] == ["a", "a", "b", "b"]
+    assert [own.share(value) for value in "ab"] == [0.25, 0.75]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"points": None}, ".points and over must be given together, or neither."),
+        ({"over": None}, ".points and over must be given together, or neither."),
+        ({"points": 0}, ".points must be greater than 0; it is 0."),
+        ({"over": {}}, ".over: dictionary should have at least 1 item"),
+        ({"over": {"seed": {"low": 0, "high": 3}}}, ".over has 'seed', but a variant may change only "),
+        ({"over": {"agent.gamma": {"low": 1.0, "high": 0.1}}}, ".over.'agent.gamma'.low must be less than high, and "),
+        ({"over": {"agent.gamma": {"low": 0.0, "high": 0.1, "log": True}}}, ".over.'agent.gamma'.low must be "),
+        ({"over": {"agent.gamma": {"low": 0.1}}}, ".over.'agent.gamma'.low and high, or else of, must be given."),
+        ({"over": {"agent.gamma": {"low": 0.1, "high": 0.2, "of": [True, False]}}}, ".over.'agent.gamma'.low and "),
+        ({"over": {"agent.gamma": {"of": ["a"]}}}, ".over.'agent.gamma'.of: list should have at least 2 items"),
+    ],
+)  # fmt: skip
+def test_a_space_of_another_shape_is_refused(changes: dict[str, Any], sentence: str, tmp_path: Path) -> None:
+    (said,) = refused(tmp_path, **SPAN | changes)
+    assert said.startswith(sentence)
+
+
+@pytest.mark.parametrize("key", ["agent.gama", "worl.mass", "rewards.gain.size"])  # each has its sentence above
+def test_a_range_of_an_unknown_constant_is_told_at_its_points(key: str, tmp_path: Path) -> None:
+    said = asked(tmp_path, variants={"p": SPAN | {"over": {key: {"low": 0.1, "high": 0.2}}, "points": 2}})
+    assert len(said) == 2
+    assert said[0].startswith(f".variants.p00.set: {key.split('.', maxsplit=1)[0]}")
+
+
+def test_seeds_may_begin_at_any(tmp_path: Path) -> None:
+    assert found(first=2, seeds=5).numbers() == range(2, 7)
+    assert asked(tmp_path, first=998, seeds=5)[0].startswith(".first and seeds come to more than 1000")
+
+
 def test_a_yoked_variant_has_the_papers_runs_for_donors(tmp_path: Path) -> None:
     assert found(variants={"plain": PLAIN | {"set": {}, "yoked": "cais"}}).variants["plain"].yoked == "cais"
     assert refused(tmp_path, yoked="cais") == [" is yoked, so its set must be empty: donors' worlds are the paper's."]

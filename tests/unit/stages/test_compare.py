@@ -11,11 +11,11 @@ import yaml
 
 from mimo.record import artifact
 from mimo.science import measures
-from mimo.settings import studies
+from mimo.settings import params, studies
 from mimo.world import body
 from stages.base import console, numbers, paths, store
 from stages.page import verdicts
-from tests.unit.reported import MEASURES, SEEDS, STEPS, STUDIES, compared
+from tests.unit.reported import MEASURES, SEEDS, STEPS, STUDIES, compared, list_runs
 
 
 def read(study: str) -> dict[str, Any]:
@@ -137,6 +137,51 @@ def test_another_limb_is_the_one_that_counts(copied: Path) -> None:
     compared("noise")
     limb = {name: own["cells"]["noisy/cais"]["limb"] for name, own in read("noise")["variants"].items()}
     assert limb == {"n10": pytest.approx([0.625, 0.625]), "n20": pytest.approx([0.25, 0.375])}
+
+
+def add(name: str, **changes: Any) -> None:
+    """A study like `constants`, whose variants' runs are the paper's of the same cells."""
+    whole = yaml.safe_load(studies.PATH.read_text())
+    whole["studies"][name] = STUDIES["constants"] | changes
+    studies.PATH.write_text(yaml.safe_dump(whole))
+    study = studies.study(params.load(), name)
+    for variant in study.variants:
+        own = f"{name}/{variant}"
+        for condition, reward in study.pairs(variant):
+            shutil.copytree(paths.RUNS / condition / reward, paths.VARIANTS / own / condition / reward)
+        list_runs(study.pairs(variant), paths.variant_manifest(own), own)
+    compared(name)
+
+
+def test_seeds_begin_where_the_study_says(copied: Path, found: dict[str, Any]) -> None:
+    add("later", first=1, seeds=1)
+    own, whole = (made["variants"]["gain_1"] for made in (read("later"), found))
+    assert (own["first"], own["seeds"]) == (1, 1)
+    assert own["cells"]["free/mtl"]["limb"] == whole["cells"]["free/mtl"]["limb"][1:] == pytest.approx([0.625])
+
+
+def test_points_of_a_space_are_mapped(copied: Path) -> None:
+    """With the same runs at all points claim 3 is met everywhere, or nowhere, as its effect lies."""
+    over = {"rewards.gain": {"low": 0.1, "high": 1.0}, "rewards.scale": {"of": ["resting", "running"]}}
+    cells = {"free": ["mtl", "rtl", "cais"]}
+    add("map", cells=cells, variants={"p": {"set": {}, "points": 8, "over": over}})
+    made, explored = read("map"), json.loads((paths.STUDIES_EXPLORE / "map.json").read_text())
+    assert [*made["variants"]] == [f"p0{place}" for place in range(8)]
+    assert all(own["claims"] == [] and own["published"]["rewards.gain"] == 0.3 for own in made["variants"].values())
+    assert explored["cells"] == {}
+    found = made["space"]
+    assert {(own["claim"], own["group"]): own["share"] for own in found["verdicts"]} == {
+        ("1 perceptual rewards, quiet", "shown"): 0, ("1 perceptual rewards, quiet", "said"): 0,
+        ("1b RTL follows the mobile", "shown"): 0, ("1b RTL follows the mobile", "said"): 0,
+        ("3 all learn, quiet", "shown"): 0, ("3 all learn, quiet", "said"): 1,
+    }  # fmt: skip
+    own = next(test for test in found["tests"] if test["name"] == "free_mtl_p")
+    assert own["seeds"] == [[0.5, 0.625]] * 8
+    assert own["shares"] == pytest.approx([0, 0], abs=1e-6)
+    assert found["measures"]["lead"]["free/cais"]["main"] == [
+        pytest.approx([0.5625] * 9, abs=1e-3), pytest.approx([0.5625] * 2, abs=1e-3),
+    ]  # fmt: skip
+    assert found["order"] == list(range(8))
 
 
 def test_it_is_the_same_bytes_again(copied: Path) -> None:

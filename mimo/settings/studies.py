@@ -276,6 +276,8 @@ def _sobol(dimensions: int, points: int) -> list[list[float]]:
 def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:
     """Why there are no donors for a yoked variant: they are the paper's own runs."""
     faults = ["is yoked, so its set must be empty: donors' worlds are the paper's"] if variant.set else []
+    if params.world.rope_holds < 1:
+        faults.append("is yoked, so world.rope_holds must be 1 in params.yaml: a donor's rope is not drawn again")
     if variant.yoked not in params.sweep.rewards:
         faults.append(f"is yoked to {shown(variant.yoked)}, which is not among sweep.rewards")
     lacking = sorted(conditions - set(params.sweep.conditions))

@@ -241,6 +241,8 @@ def test_a_yoked_variant_has_the_papers_runs_for_donors(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump(STUDIES.changed({("studies",): {"own": study}})))
     with pytest.raises(ParamsError, match=r"variants\.plain is yoked in 'noisy', which is not among sweep\.conditions"):
         studies.load(small, path)
+    with pytest.raises(ParamsError, match=r"variants\.plain is yoked, so world\.rope_holds must be 1 in params\.yaml"):
+        studies.load(params.changed(P, {"world.rope_holds": 0.5}), path)
 
 
 @pytest.mark.parametrize("name", ["Gain", "gain-1", "gain 1", "", "gain/1"])

@@ -11,6 +11,7 @@ from mimo.learning.experiment import Experiment, Record
 from mimo.learning.replay import Replay, replay
 from mimo.record import artifact, streams
 from mimo.record.artifact import Artifact
+from mimo.record.identity import Digest
 from mimo.settings import params
 from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
@@ -123,15 +124,17 @@ def test_a_replay_ties_the_rope_when_the_run_did(
     assert attached.any()
     assert not attached.all()
 
-    def lived(held: Record) -> Replay:
+    def lived(held: Record, digest: Digest | str = "d" * 64) -> Replay:
         about: artifact.About = {"condition": condition, "reward": "cais_surprise", "limb": "left_foot", "seed": 1}
-        run: Artifact = artifact.from_bytes(artifact.to_bytes("run", "d" * 64, held, about), "run")
+        run: Artifact = artifact.from_bytes(artifact.to_bytes("run", digest, held, about), "run")
         return replay(tiny, run, built, eye, Extractor(tiny.encoder, trained), {4, STEPS - 1})
 
     built = scene.build(tiny.world, tiny.protocol)
     with Eye(built) as eye:
         again = lived(record)
         by_phase = lived({name: dataset for name, dataset in record.items() if name != "attached"})
+        with pytest.raises(ValueError, match=r"^A yoked infant's run cannot be lived through again"):
+            lived(record, Digest({"donor": "d" * 64}))
     for name in ("centre_of_mass", "path_length", "latent_length"):
         assert again.record[name].values.tobytes() == record[name].values.tobytes()
         assert by_phase.record[name].values.tobytes() != record[name].values.tobytes()

@@ -97,15 +97,17 @@ class Variant(Section):
     """The published params with some values changed.
 
     `set` has a value, or a list, by dotted key; `load` checks them. `cells` has rewards' names by condition, where they
-    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked). One with
-    `points` is so many variants, numbered from 0: those of a scrambled Sobol sequence over the ranges `over`, by dotted
-    key, whose order counts; `load` puts them in its place.
+    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked). Seeds begin
+    at `first`, which is the same for all variants of a study. One with `points` is so many variants, numbered from 0:
+    those of a scrambled Sobol sequence over the ranges `over`, by dotted key, whose order counts; `load` puts them in
+    its place.
     """
 
     asks: Text | None = None
     set: dict[str, Any]
     cells: Cells | None = None
     yoked: Text | None = None
+    first: Annotated[int, Field(ge=0, lt=MOST)] = 0
     points: Annotated[int, Field(gt=0, le=100)] | None = None
     over: Annotated[dict[str, Range], Field(min_length=1)] | None = None
 
@@ -133,7 +135,7 @@ class Study(Section):
     """A question, and the variants whose runs answer it.
 
     `asks` is the question, `expects` what the paper or earlier work let expect, `limits` what the answer cannot say.
-    `seeds` seeds are computed of each cell, from the seed `first` on; `measures` (mimo.science.measures) are shown, the
+    `seeds` seeds are computed of each cell; `measures` (mimo.science.measures) are shown, the
     first FIGURES in the figure. Where `axis` is a key that every variant sets to a number, and the published params
     have one too, effects are shown against it.
     """
@@ -143,7 +145,6 @@ class Study(Section):
     expects: Text
     limits: Text
     seeds: Seeds
-    first: Annotated[int, Field(ge=0, lt=MOST)] = 0
     measures: Annotated[list[str], Field(min_length=1)]
     axis: Text | None = None
     cells: Cells
@@ -154,6 +155,11 @@ class Study(Section):
         """By dotted key, what its variants are points of; empty where they are not points of one space."""
         spaces = [variant.over or {} for variant in self.variants.values()]
         return spaces[0] if all(space == spaces[0] for space in spaces) else {}
+
+    @property
+    def first(self) -> int:
+        """The seed at which all its variants begin."""
+        return next(iter(self.variants.values())).first
 
     def numbers(self) -> range:
         """Its seeds'."""
@@ -167,8 +173,10 @@ class Study(Section):
     @model_validator(mode="after")
     def _known(self) -> "Study":
         faults = bad_names("variants", self.variants)
+        if len({variant.first for variant in self.variants.values()}) > 1:
+            faults.append("variants must have one first seed for all")
         if self.numbers().stop > MOST:
-            faults.append(f"first and seeds come to more than {MOST}; files are numbered with three digits")
+            faults.append(f"seeds and the first of variants come to more than {MOST}; files have three digits")
         if len(set(self.measures)) < len(self.measures):
             faults.append("measures names one entry twice")
         for condition, rewards in self.cells.items():

@@ -227,8 +227,12 @@ def test_a_range_of_an_unknown_constant_is_told_at_its_points(key: str, tmp_path
 
 
 def test_seeds_may_begin_at_any(tmp_path: Path) -> None:
-    assert found(first=2, seeds=5).numbers() == range(2, 7)
-    assert asked(tmp_path, first=998, seeds=5)[0].startswith(".first and seeds come to more than 1000")
+    assert found(seeds=5).numbers() == range(5)
+    assert found(variants={"plain": PLAIN | {"first": 2}}, seeds=5).numbers() == range(2, 7)
+    said = asked(tmp_path, variants={"plain": PLAIN | {"first": 998}}, seeds=5)
+    assert said == [".seeds and the first of variants come to more than 1000; files have three digits."]
+    said = asked(tmp_path, variants={"plain": PLAIN | {"first": 2}, "other": PLAIN})
+    assert said == [".variants must have one first seed for all."]
 
 
 def test_a_yoked_variant_has_the_papers_runs_for_donors(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ def add(name: str, **changes: Any) -> None:
 
 
 def test_seeds_begin_where_the_study_says(copied: Path, found: dict[str, Any]) -> None:
-    add("later", first=1, seeds=1)
+    add("later", variants={"gain_1": {"set": {"rewards.gain": 1.0}, "first": 1}}, seeds=1)
     own, whole = (made["variants"]["gain_1"] for made in (read("later"), found))
     assert (own["first"], own["seeds"]) == (1, 1)
     assert own["cells"]["free/mtl"]["limb"] == whole["cells"]["free/mtl"]["limb"][1:] == pytest.approx([0.625])

@@ -24,6 +24,7 @@ SIGNIFICANT = 3  # digits of a point's values
 FIGURES = 3  # measures that a study's figure has room for
 
 Text = Annotated[str, Field(min_length=1)]
+End = Annotated[float, Field(ge=-1e6, le=1e6)]
 Cells = Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
 
 
@@ -60,8 +61,8 @@ class Effects(Section):
 class Range(Section):
     """Values of a constant in a space: from `low` to `high`, evenly in the logarithm with `log`, or those of `of`."""
 
-    low: float | None = None
-    high: float | None = None
+    low: End | None = None
+    high: End | None = None
     log: bool = False
     of: Annotated[list[str | bool], Field(min_length=2)] | None = None
 
@@ -97,10 +98,10 @@ class Variant(Section):
     """The published params with some values changed.
 
     `set` has a value, or a list, by dotted key; `load` checks them. `cells` has rewards' names by condition, where they
-    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked). Seeds begin
-    at `first`, which is the same for all variants of a study. One with `points` is so many variants, numbered from 0:
-    those of a scrambled Sobol sequence over the ranges `over`, by dotted key, whose order counts; `load` puts them in
-    its place.
+    are not the study's. `yoked` names the reward whose published runs are the donors (see mimo.world.yoked). Seeds
+    begin at `first`, which is the same for all variants of a study. One with `points` is so many variants, numbered
+    from 0: those of a scrambled Sobol sequence over the ranges `over`, by dotted key, whose order counts; `load` puts
+    them in its place.
     """
 
     asks: Text | None = None

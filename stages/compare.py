@@ -40,7 +40,7 @@ def main() -> None:
     datasets = curves.ends(windows)
     for own, stacked in found.items():
         datasets |= curves.datasets(stacked, f"{own}/")
-    about = curves.about(p, study.seeds)
+    about = curves.about(p, study.seeds) | ({"first": study.first} if study.first else {})
     digest = identity.Digest({"runs": {own: stacked.runs for own, stacked in found.items()}, "about": about})
     artifact.write(paths.study(name), store.STUDY, digest, datasets, about)
     provenance.note(store.STUDY, digest)
@@ -54,7 +54,6 @@ def main() -> None:
                 "set": variant.set,
                 "published": {key: operator.attrgetter(key)(p) for key in variant.set},
                 "seeds": study.seeds,
-                "first": study.first,
                 "cells": _effects(curves.curves_of(held, f"{own}/"), windows),
                 "probe": _probe(f"{name}/{own}"),
                 "claims": [] if study.space else curves.judged(held, f"{own}/"),
@@ -65,10 +64,11 @@ def main() -> None:
     }
     if study.space:
         points = [curves.curves_of(held, f"{own}/") for own in study.variants]
-        made["space"] = space.mapped(points, windows, _space(study), claims.CLAIMS, study.measures)
+        asked = _space(p, study)
+        made["space"] = space.mapped(points, curves.curves_of(published), windows, asked, claims.CLAIMS, study.measures)
     numbers.write(made, paths.STUDIES_NUMBERS / f"{name}.json")
     explored = [] if study.space else list(study.variants)  # a map's curves are too many for a page
-    numbers.write(_explored(p, study.seeds, held, explored), paths.STUDIES_EXPLORE / f"{name}.json")
+    numbers.write(_explored(p, study, held, explored), paths.STUDIES_EXPLORE / f"{name}.json")
 
 
 def check(name: str, study: studies.Study) -> None:
@@ -82,14 +82,20 @@ def check(name: str, study: studies.Study) -> None:
             f"{studies.PATH}: studies.{name}.measures has {', '.join(map(repr, unknown))}; "
             f"known are {', '.join(measures.MEASURES)}."
         )
+    cells = [cell for cell in study.pairs(next(iter(study.variants))) if study.space]
+    if study.space and not space.complete(claims.CLAIMS, cells):
+        raise console.StageError(
+            f"{studies.PATH}: studies.{name}.cells complete no claim, so that there is no map of any."
+        )
 
 
-def _space(study: studies.Study) -> space.Space:
-    """Where the study's variants are in it."""
+def _space(p: params.Params, study: studies.Study) -> space.Space:
+    """Where the study's variants, and the published params, are in it."""
     ranges = study.space
+    published = [own.place(operator.attrgetter(key)(p)) for key, own in ranges.items()]
     points = [[own.share(variant.set[key]) for key, own in ranges.items()] for variant in study.variants.values()]
     choices = {place: [own.share(value) for value in own.of] for place, own in enumerate(ranges.values()) if own.of}
-    return space.Space(np.array(points), choices)
+    return space.Space(np.array(points), choices, None if None in published else np.array(published, np.float64))
 
 
 def _effects(cells: curves.Cells, windows: dict[str, slice]) -> dict[str, dict[str, list[float]]]:
@@ -103,7 +109,7 @@ def _probe(variant: str) -> dict[str, float]:
     return encoders.measures(artifact.read(path, store.ENCODER)) if path.exists() else {}
 
 
-def _explored(p: params.Params, seeds: int, held: artifact.Artifact, variants: list[str]) -> dict[str, Any]:
+def _explored(p: params.Params, study: studies.Study, held: artifact.Artifact, variants: list[str]) -> dict[str, Any]:
     """As reports/explore.json has the paper's runs; in place of joints are the attached limb and the others."""
     phases = curves.phases(p)
     width = summary.window(phases)
@@ -121,7 +127,8 @@ def _explored(p: params.Params, seeds: int, held: artifact.Artifact, variants: l
     return {
         "block": width,
         "levels": numbers.LEVELS,
-        "seeds": seeds,
+        "seeds": study.seeds,
+        "first": study.first,
         "steps": steps.tolist(),
         "phases": {name: [phase.start + 1, phase.stop] for name, phase in phases.items()},
         "joints": ["attached limb", "other limbs"],

@@ -106,7 +106,13 @@ def _record(
 def _donors(
     p: params.Params, reward: str, pairs: tuple[tuple[str, str], ...], seeds: Iterable[int]
 ) -> dict[tuple[str, int], experiment.Donor]:
-    """Whose mobile each yoked infant is under: the published run of the next seed, which has another's noise."""
+    """Whose mobile each yoked infant is under: the published run of the next seed, which has another's noise.
+
+    Raises:
+        console.StageError: donors' rope may not have held.
+    """
+    if p.world.rope_holds < 1:
+        raise console.StageError("Donors' rope always holds; yoked infants need world.rope_holds: 1.0 in params.yaml.")
     found = {}
     for condition in dict.fromkeys(condition for condition, _ in pairs):
         for seed in seeds:

@@ -1,9 +1,12 @@
 """What the points of a space of constants say of the claims: where each holds, by which constants, and where all do.
 
-With so few seeds a point has no verdict of its own. A test is met where its effect's surface (mimo.science.surfaces)
-lies in the claim's region, and a verdict holds where all its tests are met; so it is foretold, at the points and in
-between. A region that is the point 0 is met where SEEDS seeds could not tell the effect from 0. A test that something
-does not happen is not met where half the joints are locked, as in mimo.science.judgement.
+With so few seeds a point has no verdict of its own. What is foretold, at the points and in between, is the verdict that
+CONFIRMING seeds would give there: where the interval of so many around an effect's surface (mimo.science.surfaces),
+widened by what the surface does not know, lies in the claim's region, outside, or astride its border; the rest is as in
+mimo.science.judgement. Seeds are the same at all points, so what a seed's noise does everywhere no surface can tell.
+
+Effects are cut off CLIPPED times a border's distance from 0 beyond it before a surface goes through them: they count by
+where they lie beside their region, and a few far ones would else decide it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,12 +18,13 @@ from scipy import stats
 from scipy.stats import qmc
 
 from mimo.science import judgement, measures, surfaces
-from mimo.science.judgement import GROUPS, SATURATED, Array, Cell, Claim, Curves, Test, Windows
+from mimo.science.judgement import FAILS, GROUPS, HOLDS, SATURATED, UNDECIDED, Array, Cell, Claim, Curves, Test, Windows
 from mimo.science.surfaces import Surface
 
-SEEDS = 5  # as a study has
+CONFIRMING = 5  # seeds, as a study has
+CLIPPED = 4.0
 DRAWN = 12  # 2^12 places of the space, at which the surfaces are asked
-BINS = 8  # of a constant's range, in each of which a claim's share is told
+BINS = 8  # of a constant's range, in each of which a verdict's share is told
 ALONG = tuple(place / 8 for place in range(9))  # coordinates at which main effects are told
 PAIRS = 3  # of constants, told of each test
 
@@ -31,11 +35,13 @@ class Space:
 
     Attributes:
         points: (point, constant) coordinates, shares of the constants' ranges.
-        choices: by constant, the coordinates of one that has a few values alone.
+        choices: by constant, the two coordinates of one that has two values alone.
+        published: (constant,) coordinates of the published values; None where one is not in its range.
     """
 
     points: Array
     choices: Mapping[int, Sequence[float]]
+    published: Array | None
 
     def surface(self, effects: Array) -> Surface | None:
         """Through effects (point, seed)."""
@@ -51,99 +57,124 @@ class Space:
 
 @dataclass(frozen=True)
 class _Tested:
-    """A test at each point: its effects (point, seed), their surface, and whether it is met, there and at places."""
+    """A test: its effects (point, seed), their surface, its verdicts at the points and at places all over the space."""
 
     test: Test
     effects: Array
     surface: Surface | None
-    met: Array
+    points: Array
     places: Array
 
 
+def complete(claims: Sequence[Claim], cells: Sequence[Cell]) -> list[Claim]:
+    """The claims none of whose tests lacks a cell."""
+    return [
+        claim
+        for claim in claims
+        if all(cell in cells for test in (*claim.shown, *claim.said) for cell in test.cells)
+    ]  # fmt: skip
+
+
 def mapped(
-    curves: Sequence[Curves], windows: Windows, space: Space, claims: Sequence[Claim], shown: Sequence[str]
+    curves: Sequence[Curves],
+    published: Curves,
+    windows: Windows,
+    space: Space,
+    claims: Sequence[Claim],
+    shown: Sequence[str],
 ) -> dict[str, Any]:
     """All of it, ready for JSON.
 
     Args:
         curves: of each point, in the space's order, as judgement.evaluate has them.
-        windows: likewise.
+        published: those of the published constants.
+        windows: stretches of steps.
         space: the points.
-        claims: usually CLAIMS; those that lack a cell are left out.
+        claims: usually CLAIMS, of which at least one must be complete.
         shown: measures (mimo.science.measures) whose main effects are told of each cell.
 
     Returns:
-        `tests`: for each `claim`, `group`, `name`, `says`, `unit`, `region`, `seeds` (of each point), `q2`, `ceiling`,
-        `shares` (of the variance, by constant), `pairs` (two constants and their share, the largest first), `foretold`
-        (at each point) and `share` (of the space where it is met); without a surface, None and empty lists.
-        `measures`: by measure and cell `q2`, `ceiling`, `shares`, `pairs`, and `main`, by constant the effect at ALONG
-        or at each of its few values.
-        `verdicts`: for each `claim` and `group`, `share` (of the space where it holds), `met` (at each point) and `by`,
-        by constant its share in each bin. `together`: `counts`, the share of the space by how many verdicts hold, and
-        `all`. `excluding`: pairs of claim and group. `order`: points, by how many verdicts, then tests, are foretold.
+        `tests`: for each `claim`, `group`, `name`, `says`, `unit`, `region`, `seeds` (effects at each point), `q2`,
+        `ceiling`, `noise`, `shares` (of the surface's variance, by constant), `pairs` (two constants and their share,
+        the largest first), `points` (verdicts), `holds` and `fails` (shares of the space) and `published`, where all
+        is known: the surface there and the SD of what it does not know, and the published effect. `measures`: by
+        measure and cell `main`, by constant the effect at ALONG or at both of its values. `verdicts`: for each `claim`
+        and `group`, `holds`, `fails`, `points` and `by`, by constant the share that holds in each bin. `together`: by
+        how many verdicts hold (`holds`), and fail (`fails`), the shares of the space. `apart`: pairs of verdicts that
+        hold somewhere, but hardly ever at one place. `order`: points, by how many verdicts, then tests, hold.
     """
     cells = [cell for cell in curves[0] if all(cell in own for own in curves)]
     drawn = space.drawn()
     locked = {cell: space.surface(np.array([_locked(own[cell], windows) for own in curves])) for cell in cells}
     held = [
         (claim, group, [_tested(test, curves, windows, space, drawn, locked) for test in getattr(claim, group)])
-        for claim in claims
+        for claim in complete(claims, cells)
         for group in GROUPS
-        if all(cell in cells for test in (*claim.shown, *claim.said) for cell in test.cells)
     ]
-    names = [f"{claim.name}, as {group}" for claim, group, _ in held]
-    met = {name: np.all([own.met for own in tests], axis=0) for name, (_, _, tests) in zip(names, held, strict=True)}
-    places = {
-        name: np.all([own.places for own in tests], axis=0) for name, (_, _, tests) in zip(names, held, strict=True)
-    }
-    counts = np.sum(list(places.values()), axis=0)
-    tests = np.sum([own.met for _, _, own_tests in held for own in own_tests], axis=0)
-    order = np.lexsort((np.arange(len(curves)), -tests, -np.sum(list(met.values()), axis=0)))
+    points = [_together([own.points for own in tests]) for _, _, tests in held]
+    places = [_together([own.places for own in tests]) for _, _, tests in held]
+    tests = np.sum([own.points == HOLDS for _, _, all_tests in held for own in all_tests], axis=0)
+    order = np.lexsort((np.arange(len(curves)), -tests, -np.sum(np.array(points) == HOLDS, axis=0)))
     return {
-        "tests": [_told(claim.name, group, own) for claim, group, tests in held for own in tests],
+        "tests": [
+            _told(claim.name, group, own, published, windows, space) for claim, group, tests in held for own in tests
+        ],
         "measures": {name: _measured(name, curves, windows, space, cells) for name in shown},
         "verdicts": [
             {
-                "claim": claim.name, "group": group, "tests": len(tests), "share": float(places[name].mean()),
-                "met": met[name].tolist(), "by": _by(places[name], drawn, space),
-            }
-            for name, (claim, group, tests) in zip(names, held, strict=True)
+                "claim": claim.name, "group": group, "points": at.tolist(), "by": _by(all_over == HOLDS, drawn, space),
+            } | _shares(all_over)
+            for (claim, group, _), at, all_over in zip(held, points, places, strict=True)
         ],
-        "together": {
-            "counts": (np.bincount(counts, minlength=len(names) + 1) / len(counts)).tolist(),
-            "all": float((counts == len(names)).mean()),
-        },
-        "excluding": surfaces.excluding(met),
+        "together": {word: _counted(np.array(places) == word) for word in (HOLDS, FAILS)},
+        "apart": _apart([f"{claim.name}, as {group}" for claim, group, _ in held], np.array(places) == HOLDS),
         "order": order.tolist(),
     }  # fmt: skip
 
 
 def _tested(
-    test: Test, curves: Sequence[Curves], windows: Windows, space: Space, drawn: Array,
+    test: Test,
+    curves: Sequence[Curves],
+    windows: Windows,
+    space: Space,
+    drawn: Array,
     locked: Mapping[Cell, Surface | None],
-) -> _Tested:  # fmt: skip
+) -> _Tested:
     effects = np.array([np.asarray(test.measure(own, windows), np.float64) for own in curves])
-    surface = space.surface(effects)
-    met, places = (
-        np.zeros(len(at), bool) if surface is None else _inside(test, surface, at) & ~_saturated(test, locked, at)
-        for at in (space.points, drawn)
-    )
-    return _Tested(test, effects, surface, met, places)
+    borders = [end for end in (test.low, test.high) if np.isfinite(end)]
+    reach = CLIPPED * max(map(abs, borders)) or np.inf
+    surface = space.surface(np.clip(effects, min(borders) - reach, max(borders) + reach))
+    points, places = (_verdicts(test, surface, at, locked) for at in (space.points, drawn))
+    points[~np.isfinite(effects).all(axis=1)] = UNDECIDED
+    return _Tested(test, effects, surface, points, places)
 
 
-def _inside(test: Test, surface: Surface, at: Array) -> Array:
-    reach = 0.0
-    if test.low == test.high:
-        reach = surface.noise * float(stats.t.ppf((1 + judgement.LEVEL) / 2, SEEDS - 1)) / SEEDS**0.5
-    found = surface.at(at)
-    return np.asarray((test.low - reach <= found) & (found <= test.high + reach))
+def _verdicts(test: Test, surface: Surface | None, at: Array, locked: Mapping[Cell, Surface | None]) -> Array:
+    """(place,) words."""
+    if surface is None:
+        return np.full(len(at), UNDECIDED, object)
+    found, unknown = surface.at(at)
+    times = float(stats.t.ppf((1 + judgement.LEVEL) / 2, CONFIRMING - 1))
+    reach = times * np.sqrt(surface.noise**2 / CONFIRMING + unknown**2)
+    words = [
+        judgement.verdict(bounds, test.low, test.high) for bounds in zip(found - reach, found + reach, strict=True)
+    ]
+    return np.where(_saturated(test, at, locked), UNDECIDED, np.array(words, object))
 
 
-def _saturated(test: Test, locked: Mapping[Cell, Surface | None], at: Array) -> Array:
+def _saturated(test: Test, at: Array, locked: Mapping[Cell, Surface | None]) -> Array:
     held = [surface for cell in test.cells if (surface := locked[cell]) is not None] if test.absent else []
     found = np.zeros(len(at), bool)
     for surface in held:
-        found |= surface.at(at) >= SATURATED
+        found |= surface.at(at)[0] >= SATURATED
+    return found
+
+
+def _together(tests: Sequence[Array]) -> Array:
+    """(place,) the verdict of all tests, as judgement has it."""
+    found = np.full(len(tests[0]), UNDECIDED, object)
+    found[np.all([own == HOLDS for own in tests], axis=0)] = HOLDS
+    found[np.any([own == FAILS for own in tests], axis=0)] = FAILS
     return found
 
 
@@ -153,47 +184,74 @@ def _locked(cell: Mapping[str, Array], windows: Windows) -> Array:
     return np.asarray(np.max(shares, axis=0))
 
 
-def _told(claim: str, group: str, own: _Tested) -> dict[str, Any]:
+def _told(
+    claim: str, group: str, own: _Tested, published: Curves, windows: Windows, space: Space
+) -> dict[str, Any]:  # fmt: skip
+    beside = None
+    if own.surface is not None and space.published is not None and all(cell in published for cell in own.test.cells):
+        effect = float(judgement.interquartile_mean(np.asarray(own.test.measure(published, windows), np.float64)))
+        found, unknown = own.surface.at(space.published[None])
+        beside = [float(found[0]), float(unknown[0]), effect]
     return {
         "claim": claim, "group": group, "name": own.test.name, "says": own.test.says, "unit": own.test.unit,
         "region": [None if np.isinf(end) else end for end in (own.test.low, own.test.high)],
-        "seeds": own.effects.tolist(), "share": float(own.places.mean()),
-        "foretold": own.met.tolist(),
-    } | _fit(own.surface)  # fmt: skip
+        "seeds": own.effects.tolist(), "points": own.points.tolist(), "published": beside,
+    } | _fit(own.surface) | _shares(own.places)  # fmt: skip
+
+
+def _fit(surface: Surface | None) -> dict[str, Any]:
+    if surface is None:
+        return {"q2": None, "ceiling": None, "noise": None, "shares": [], "pairs": []}
+    pairs = sorted(surface.pairs.items(), key=lambda pair: (-pair[1], pair[0]))[:PAIRS]
+    return {
+        "q2": surface.q2, "ceiling": surface.ceiling, "noise": surface.noise, "shares": surface.shares.tolist(),
+        "pairs": [[*pair, share] for pair, share in pairs],
+    }  # fmt: skip
 
 
 def _measured(
     name: str, curves: Sequence[Curves], windows: Windows, space: Space, cells: Sequence[Cell]
 ) -> dict[str, Any]:
-    """By cell, of those whose curves allow the measure."""
+    """By cell, of those whose curves allow the measure and have a surface."""
+    at = [np.array(space.choices.get(constant, ALONG)) for constant in _constants(space)]
     found = {}
     for cell in cells:
         effects = [measures.effects(own[cell], windows, [name]).get(name) for own in curves]
-        if all(effects):
-            surface = space.surface(np.array(effects))
-            at = [np.array(space.choices.get(constant, ALONG)) for constant in _constants(space)]
-            main = [] if surface is None else [surface.main(*own).tolist() for own in enumerate(at)]
-            found["/".join(cell)] = _fit(surface) | {"main": main}
+        surface = space.surface(np.array(effects)) if all(effects) else None
+        if surface is not None:
+            found["/".join(cell)] = {"main": [surface.main(*own).tolist() for own in enumerate(at)]}
     return found
 
 
-def _fit(surface: Surface | None) -> dict[str, Any]:
-    if surface is None:
-        return {"q2": None, "ceiling": None, "shares": [], "pairs": []}
-    pairs = sorted(surface.pairs.items(), key=lambda pair: (-pair[1], pair[0]))[:PAIRS]
-    return {
-        "q2": surface.q2, "ceiling": surface.ceiling, "shares": surface.shares.tolist(),
-        "pairs": [[*pair, share] for pair, share in pairs],
-    }  # fmt: skip
+def _shares(places: Array) -> dict[str, float]:
+    return {word: float((places == word).mean()) for word in (HOLDS, FAILS)}
 
 
-def _by(met: Array, drawn: Array, space: Space) -> list[list[float]]:
-    """By constant, the share of places where something is met, in each bin or at each of its few values."""
+def _counted(held: Array) -> list[float]:
+    """By how many of (verdict, place) are true, from none to all, the share of places."""
+    counts = np.bincount(held.sum(axis=0), minlength=len(held) + 1)
+    return (counts / counts.sum()).tolist()  # type: ignore[no-any-return]
+
+
+def _apart(names: Sequence[str], held: Array) -> list[list[str]]:
+    """Each holds in a twentieth of the space at least, both in less than a tenth of what chance would have."""
+    shares = held.mean(axis=1)
+    return [
+        [names[first], names[second]]
+        for second in range(len(names))
+        for first in range(second)
+        if min(shares[first], shares[second]) >= 0.05
+        and (held[first] & held[second]).mean() < 0.1 * shares[first] * shares[second]
+    ]
+
+
+def _by(held: Array, drawn: Array, space: Space) -> list[list[float]]:
+    """By constant, the share of places where something holds, in each bin or at either of its two values."""
     found = []
     for constant in _constants(space):
         bins = len(space.choices.get(constant, ())) or BINS
         where = (drawn[:, constant] * bins).astype(int)
-        found.append([float(met[where == one].mean()) for one in range(bins)])
+        found.append([float(held[where == one].mean()) for one in range(bins)])
     return found
 
 

@@ -14,6 +14,7 @@ from mimo.settings.section import Condition, Section, Seeds, Worlds
 
 PATH = Path("studies/params.yaml")
 FEWEST = 20  # agent steps of an effect
+FEWEST_POINTS = 8  # of a space, for surfaces through them (mimo.science.surfaces)
 # What a variant may change: it keeps the seed, the phases and, but for `collect`, the published encoder.
 VARIED = (
     "conditions", "world", "agent", "outcomes", "rewards", "encoder.latent_sd", "protocol.limb", "collect.limbs",
@@ -59,12 +60,12 @@ class Effects(Section):
 
 
 class Range(Section):
-    """Values of a constant in a space: from `low` to `high`, evenly in the logarithm with `log`, or those of `of`."""
+    """Values of a constant in a space: from `low` to `high`, evenly in the logarithm with `log`, or the two in `of`."""
 
     low: End | None = None
     high: End | None = None
     log: bool = False
-    of: Annotated[list[str | bool], Field(min_length=2)] | None = None
+    of: Annotated[list[str | bool], Field(min_length=2, max_length=2)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> "Range":
@@ -85,8 +86,15 @@ class Range(Section):
         found = float(f"{math.exp(found) if self.log else found:.{SIGNIFICANT}g}")
         return round(found) if kind is int else found
 
+    def place(self, value: Any) -> float | None:
+        """Where a value lies, as `share` has it; None where it does not lie in the range."""
+        if self.of:
+            return self.share(value) if value in self.of else None
+        assert self.low is not None and self.high is not None
+        return self.share(value) if self.low <= value <= self.high else None
+
     def share(self, value: Any) -> float:
-        """Where a value lies, from 0 to 1; of the n values in `of`, the middle of an nth each."""
+        """Where a value of the range lies, from 0 to 1; of the two in `of`, the middle of either half."""
         if self.of:
             return (self.of.index(value) + 0.5) / len(self.of)
         assert self.low is not None and self.high is not None
@@ -105,11 +113,11 @@ class Variant(Section):
     """
 
     asks: Text | None = None
-    set: dict[str, Any]
+    set: dict[str, Any] = Field(default_factory=dict)
     cells: Cells | None = None
     yoked: Text | None = None
     first: Annotated[int, Field(ge=0, lt=MOST)] = 0
-    points: Annotated[int, Field(gt=0, le=100)] | None = None
+    points: Annotated[int, Field(ge=FEWEST_POINTS, le=100)] | None = None
     over: Annotated[dict[str, Range], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
@@ -122,6 +130,7 @@ class Variant(Section):
         ]
         if (self.points is None) != (self.over is None):
             faults.append("points and over must be given together, or neither")
+        faults += [f"set has {shown(key)}, which is in over, too" for key in self.set if key in (self.over or {})]
         faults += [f"set has {shown(key)}, a section; give its values" for key, v in self.set.items() if _section(v)]
         for condition, rewards in (self.cells or {}).items():
             faults += bad_rewards(f"cells.{condition}", rewards, REWARDS)
@@ -155,7 +164,12 @@ class Study(Section):
     def space(self) -> dict[str, Range]:
         """By dotted key, what its variants are points of; empty where they are not points of one space."""
         spaces = [variant.over or {} for variant in self.variants.values()]
-        return spaces[0] if all(space == spaces[0] for space in spaces) else {}
+        fixed = [
+            {key: value for key, value in variant.set.items() if key not in spaces[0]}
+            for variant in self.variants.values()
+        ]
+        one = all(space == spaces[0] for space in spaces) and all(values == fixed[0] for values in fixed)
+        return spaces[0] if one else {}
 
     @property
     def first(self) -> int:
@@ -174,6 +188,9 @@ class Study(Section):
     @model_validator(mode="after")
     def _known(self) -> "Study":
         faults = bad_names("variants", self.variants)
+        points = [(name, place) for name, own in self.variants.items() for place in range(own.points or 0)]
+        taken = [f"{name}{place:02d}" for name, place in points if f"{name}{place:02d}" in self.variants]
+        faults += [f"variants has {shown(name)}, which is the name of a point" for name in taken]
         if len({variant.first for variant in self.variants.values()}) > 1:
             faults.append("variants must have one first seed for all")
         if self.numbers().stop > MOST:
@@ -285,8 +302,6 @@ def _sobol(dimensions: int, points: int) -> list[list[float]]:
 def _without_donors(params: Params, variant: Variant, conditions: set[str]) -> list[str]:
     """Why there are no donors for a yoked variant: they are the paper's own runs."""
     faults = ["is yoked, so its set must be empty: donors' worlds are the paper's"] if variant.set else []
-    if params.world.rope_holds < 1:
-        faults.append("is yoked, so world.rope_holds must be 1 in params.yaml: a donor's rope is not drawn again")
     if variant.yoked not in params.sweep.rewards:
         faults.append(f"is yoked to {shown(variant.yoked)}, which is not among sweep.rewards")
     lacking = sorted(conditions - set(params.sweep.conditions))

@@ -57,7 +57,8 @@ def _constants(node: yaml.Node, lines: list[str], above: tuple[str, ...], common
 def _variant(key: str, node: yaml.Node) -> Constant:
     """What it changes, and what it asks if it asks something of its own."""
     own = {part.value: value for part, value in node.value}
-    changes = [f"{changed.value}: {_text(value)}" for changed, value in own["set"].value]
+    changes = [f"{changed.value}: {_text(value)}" for changed, value in (own["set"].value if "set" in own else [])]
+    changes += [f"seeds from {own['first'].value} on"] if "first" in own else []
     changes += [f"yoked: {own['yoked'].value}"] if "yoked" in own else []
     return Constant(key, ", ".join(changes) or "as published", "ours", own["asks"].value if "asks" in own else "")
 

@@ -45,7 +45,7 @@ def _map(own: Studied, says: str) -> str:
         if name in own.drawn
     }
     verdicts = [
-        mapped.Verdict(f"{each['claim'].split()[0]} as {each['group']}", each["share"], each["by"])
+        mapped.Verdict(f"{each['claim'].split()[0]} as {each['group']}", each["holds"], each["by"])
         for each in own.made["space"]["verdicts"]
     ]
     return mapped.mapped(own.name, says, columns, own.drawn, effects, verdicts)

@@ -204,7 +204,6 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
     )
     environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
-    environment.filters["zip"] = zip
     environment.filters |= {"found": studied.effect, "listed": studied.listed, "state": studied.state}
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip, verdicts.refuted)}
     environment.globals["strip_width"] = verdicts.WIDTH

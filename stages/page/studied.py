@@ -178,8 +178,11 @@ class Studied:
     @cached_property
     def space(self) -> Charted:
         """Of a study whose variants are points of one."""
-        published = next(iter(self.variants.values()))["published"]
-        return Charted(self.study.space, published, tuple(self.study.variants), self.made["space"])
+        first, points = (
+            self.variants[next(iter(self.variants))],
+            {name: own["set"] for name, own in self.variants.items()},
+        )
+        return Charted(self.study.space, first["published"], points, self.made["space"])
 
     @property
     def answer(self) -> str:
@@ -231,12 +234,13 @@ class Studied:
     @cached_property
     def published(self) -> dict[tuple[str, str], dict[str, Found]]:
         """By condition and reward, of the published cells beside the study's: effects of the same seeds."""
-        twins = dict.fromkeys((cell.condition, cell.twin) for cell in self.cells if cell.twin)
         found = {}
-        for condition, reward in twins:
+        for condition, reward in dict.fromkeys((cell.condition, cell.twin) for cell in self.cells if cell.twin):
             effects = self._paper(condition, reward)
             found[condition, reward] = {
-                name: _summed(self._twins(effects[name])) for name in self.study.measures if name in effects
+                name: _summed(twins)
+                for name in self.study.measures
+                if name in effects and (twins := self._twins(effects[name]))
             }
         return found
 
@@ -372,9 +376,9 @@ class Studied:
         return effects and self._twins(effects)
 
     def _twins(self, published: list[float | None]) -> list[float | None]:
-        """Of the published effects, those of the study's own seeds."""
-        first = self.study.first
-        return published[first : first + self.seeds]
+        """Of the published effects, those of the study's own seeds; none if one is missing."""
+        found = published[self.study.first :][: self.seeds]
+        return found if len(found) == self.seeds else []
 
 
 def studied(
@@ -450,9 +454,11 @@ def _turned(
 ) -> Turn | None:
     """None where the verdict is the published one of the same seeds, or where the effect may be the same.
 
-    A published test that is saturated with all its seeds is so with the first of them.
+    A published test that is saturated with all its seeds is so with some of them.
     """
     twins = before["seeds"][first : first + test["n"]]
+    if len(twins) < test["n"]:
+        return None
     published, own = _summed(twins), _summed(test["seeds"])
     low, high = (-np.inf if test["region"][0] is None else test["region"][0]), test["region"][1]
     bounds = None if before["saturated"] else published.interval

@@ -72,6 +72,11 @@ def test_code_is_copied_results_are_not_and_the_project_stays_as_it_was(project,
     assert "remote" not in (small / ".dvc" / "config").read_text()
 
 
+def laid(whole, over):
+    """Keys of `over` in place of those of `whole`, section by section."""
+    return whole | {key: laid(whole[key], own) if isinstance(own, dict) else own for key, own in over.items()}
+
+
 def test_params_are_the_projects_with_the_overrides_laid_over_them(project, tmp_path):
     preview.prepare(project, tmp_path / "small")
     for file, beside in overlay.FILES.items():
@@ -80,7 +85,9 @@ def test_params_are_the_projects_with_the_overrides_laid_over_them(project, tmp_
         )
         for name, value in whole.items():
             own = overrides.get(name, {})
-            own = {key: value[key] | own[overlay.EACH] for key in value} if overlay.EACH in own else own
+            if overlay.EACH in own:
+                each = own.pop(overlay.EACH)
+                own = {key: laid(value[key], own.get(key, each)) for key in value}
             assert small[name] == (value | own if own else value)
     studies.load(params.load(tmp_path / "small/params.yaml"), tmp_path / "small" / studies.PATH)
 

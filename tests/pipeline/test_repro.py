@@ -96,6 +96,7 @@ def test_a_study_that_is_added_computes_its_own_runs_and_those_of_no_other(proje
     assert "2 runs, 1 of them in the store." in said.stdout
     assert len(stored(project) - before) == 1
     after = digests(project, "reports/studies", "data/studies")
+    assert made.pop("reports/studies/artifacts.json") != after.pop("reports/studies/artifacts.json")
     assert after.items() >= made.items()
     assert after.keys() - made.keys() == {
         "reports/studies/more.json", "reports/studies/explore/more.json", "data/studies/more.h5"

@@ -79,7 +79,7 @@
     last = Math.max(...Object.values(data.phases).map(([, stop]) => stop));
     form.querySelector(".seeds").replaceChildren(...Array.from({ length: data.seeds }, (_, seed) => {
       const label = document.createElement("label");
-      label.innerHTML = `<input type="checkbox" name="seed" value="${seed}" checked> ${seed} `;
+      label.innerHTML = `<input type="checkbox" name="seed" value="${seed}" checked> ${(data.first || 0) + seed} `;
       return label;
     }));
     form.step.max = data.steps.length - 1;

@@ -89,34 +89,34 @@ def made(study: Study, effect: Effect, published: Mapping[str, Any] | None = Non
 
 
 def space(study: Study) -> dict[str, Any]:
-    """A map on which claim 1 holds, as shown, in the upper half of the first constant; as said it holds nowhere."""
+    """A map on which claim 1 holds, as shown, in the upper half of the first constant; as said it fails everywhere."""
     keys, points = list(study.space), len(study.variants)
     first = [study.space[keys[0]].share(own.set[keys[0]]) >= 0.5 for own in study.variants.values()]
     shares = [0.6, 0.1, *[0.0] * (len(keys) - 2)]
-    fit = {"q2": 0.7, "ceiling": 0.9, "shares": shares, "pairs": [[0, 1, 0.05]]}
+    fit = {"q2": 0.7, "ceiling": 0.9, "noise": 0.1, "shares": shares, "pairs": [[0, 1, 0.05]]}
+    words = {"shown": ["holds" if met else "fails" for met in first], "said": ["fails"] * points}
+    share = {"shown": {"holds": 0.5, "fails": 0.3}, "said": {"holds": 0.0, "fails": 1.0}}
     bins = [len(own.of or ()) or 8 for own in study.space.values()]
     by = [[float(one >= bins[0] / 2) for one in range(bins[0])], *([0.5] * count for count in bins[1:])]
     tests = [
-        fit | {
+        fit | share[group] | {
             "claim": "1 one", "group": group, "name": "own", "says": "free, CAIS: lead", "unit": "P(MOVE)",
-            "region": [0.05, None], "seeds": [[0.1] * study.seeds] * points, "foretold": met, "share": share,
+            "region": [0.05, None], "seeds": [[0.1] * study.seeds] * points, "points": words[group],
+            "published": [0.1, 0.02, 0.13 if group == "shown" else 0.15],
         }
-        for group, met, share in (("shown", first, 0.5), ("said", [False] * points, 0.0))
+        for group in ("shown", "said")
     ]  # fmt: skip
     cells = {f"{condition}/{reward}" for name in study.variants for condition, reward in study.pairs(name)}
     main = [[0.0, 0.1] if own.of else [0.0] * 4 + [0.2] * 5 for own in study.space.values()]
     return {
         "tests": tests,
-        "measures": {name: {cell: fit | {"main": main} for cell in sorted(cells)} for name in study.measures},
+        "measures": {name: {cell: {"main": main} for cell in sorted(cells)} for name in study.measures},
         "verdicts": [
-            {"claim": "1 one", "group": "shown", "tests": 1, "share": 0.5, "met": first, "by": by},
-            {
-                "claim": "1 one", "group": "said", "tests": 1, "share": 0.0, "met": [False] * points,
-                "by": [[0.0] * count for count in bins],
-            },
+            {"claim": "1 one", "group": group, "points": words[group], "by": held} | share[group]
+            for group, held in (("shown", by), ("said", [[0.0] * count for count in bins]))
         ],
-        "together": {"counts": [0.5, 0.5, 0.0], "all": 0.0},
-        "excluding": [["1 one, as shown", "1 one, as said"]],
+        "together": {"holds": [0.5, 0.5, 0.0], "fails": [0.0, 0.7, 0.3]},
+        "apart": [["1 one, as shown", "1 one, as said"]],
         "order": sorted(range(points), key=lambda place: (not first[place], place)),
     }  # fmt: skip
 

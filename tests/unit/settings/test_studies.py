@@ -184,6 +184,11 @@ def test_a_study_of_one_space_alone_has_it() -> None:
     assert whole.space.keys() == {"rewards.gain", "outcomes.batch", "rewards.cais.pays", "agent.bias_in_target"}
     assert spanned().space == {}
     assert found().space == {}
+    two = studies.spanned(
+        P, found(variants={name: SPAN | {"set": {"agent.gamma": gamma}} for name, gamma in (("p", 0.1), ("q", 0.2))})
+    )
+    assert len(two.variants) == 40
+    assert two.space == {}
 
 
 @pytest.mark.parametrize("values", [{"low": 0.1, "high": 1.0, "log": True}, {"low": -1.0, "high": 2.0}])
@@ -204,7 +209,9 @@ def test_of_a_few_values_each_has_the_middle_of_its_stretch() -> None:
     [
         ({"points": None}, ".points and over must be given together, or neither."),
         ({"over": None}, ".points and over must be given together, or neither."),
-        ({"points": 0}, ".points must be greater than 0; it is 0."),
+        ({"points": 7}, ".points must be greater than or equal to 8; it is 7."),
+        ({"set": {"rewards.gain": 1.0}}, ".set has 'rewards.gain', which is in over, too."),
+        ({"over": {"agent.gamma": {"of": ["a"] * 3}}}, ".over.'agent.gamma'.of: list should have at most 2 items"),
         ({"over": {}}, ".over: dictionary should have at least 1 item"),
         ({"over": {"seed": {"low": 0, "high": 3}}}, ".over has 'seed', but a variant may change only "),
         ({"over": {"agent.gamma": {"low": 1.0, "high": 0.1}}}, ".over.'agent.gamma'.low must be less than high, and "),
@@ -221,9 +228,20 @@ def test_a_space_of_another_shape_is_refused(changes: dict[str, Any], sentence: 
 
 @pytest.mark.parametrize("key", ["agent.gama", "worl.mass", "rewards.gain.size"])  # each has its sentence above
 def test_a_range_of_an_unknown_constant_is_told_at_its_points(key: str, tmp_path: Path) -> None:
-    said = asked(tmp_path, variants={"p": SPAN | {"over": {key: {"low": 0.1, "high": 0.2}}, "points": 2}})
-    assert len(said) == 2
+    said = asked(tmp_path, variants={"p": SPAN | {"over": {key: {"low": 0.1, "high": 0.2}}}})
+    assert len(said) == 20
     assert said[0].startswith(f".variants.p00.set: {key.split('.', maxsplit=1)[0]}")
+
+
+def test_a_variant_may_not_have_the_name_of_a_point(tmp_path: Path) -> None:
+    said = asked(tmp_path, variants={"p": SPAN, "p03": PLAIN})
+    assert said == [".variants has 'p03', which is the name of a point."]
+
+
+def test_a_value_beyond_a_range_has_no_place_in_it() -> None:
+    own = studies.Range.model_validate({"low": 0.1, "high": 1.0, "log": True})
+    assert [own.place(value) for value in (0.0, 0.1, 1.0, 1.1)] == [None, 0, 1, None]
+    assert studies.Range.model_validate({"of": ["a", "b"]}).place("c") is None
 
 
 def test_seeds_may_begin_at_any(tmp_path: Path) -> None:
@@ -245,8 +263,6 @@ def test_a_yoked_variant_has_the_papers_runs_for_donors(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump(STUDIES.changed({("studies",): {"own": study}})))
     with pytest.raises(ParamsError, match=r"variants\.plain is yoked in 'noisy', which is not among sweep\.conditions"):
         studies.load(small, path)
-    with pytest.raises(ParamsError, match=r"variants\.plain is yoked, so world\.rope_holds must be 1 in params\.yaml"):
-        studies.load(params.changed(P, {"world.rope_holds": 0.5}), path)
 
 
 @pytest.mark.parametrize("name", ["Gain", "gain-1", "gain 1", "", "gain/1"])

@@ -156,7 +156,9 @@ def add(name: str, **changes: Any) -> None:
 def test_seeds_begin_where_the_study_says(copied: Path, found: dict[str, Any]) -> None:
     add("later", variants={"gain_1": {"set": {"rewards.gain": 1.0}, "first": 1}}, seeds=1)
     own, whole = (made["variants"]["gain_1"] for made in (read("later"), found))
-    assert (own["first"], own["seeds"]) == (1, 1)
+    assert own["seeds"] == 1
+    assert json.loads((paths.STUDIES_EXPLORE / "later.json").read_text())["first"] == 1
+    assert artifact.read(paths.study("later"), store.STUDY).about["first"] == 1
     assert own["cells"]["free/mtl"]["limb"] == whole["cells"]["free/mtl"]["limb"][1:] == pytest.approx([0.625])
 
 
@@ -170,7 +172,7 @@ def test_points_of_a_space_are_mapped(copied: Path) -> None:
     assert all(own["claims"] == [] and own["published"]["rewards.gain"] == 0.3 for own in made["variants"].values())
     assert explored["cells"] == {}
     found = made["space"]
-    assert {(own["claim"], own["group"]): own["share"] for own in found["verdicts"]} == {
+    assert {(own["claim"], own["group"]): own["holds"] for own in found["verdicts"]} == {
         ("1 perceptual rewards, quiet", "shown"): 0, ("1 perceptual rewards, quiet", "said"): 0,
         ("1b RTL follows the mobile", "shown"): 0, ("1b RTL follows the mobile", "said"): 0,
         ("3 all learn, quiet", "shown"): 0, ("3 all learn, quiet", "said"): 1,
@@ -182,6 +184,12 @@ def test_points_of_a_space_are_mapped(copied: Path) -> None:
         pytest.approx([0.5625] * 9, abs=1e-3), pytest.approx([0.5625] * 2, abs=1e-3),
     ]  # fmt: skip
     assert found["order"] == list(range(8))
+
+
+def test_cells_that_complete_no_claim_have_no_map(copied: Path) -> None:
+    over = {"rewards.gain": {"low": 0.1, "high": 1.0}}
+    with pytest.raises(console.StageError, match=r"studies\.map\.cells complete no claim"):
+        add("map", cells={"noisy": ["cais"]}, variants={"p": {"points": 8, "over": over}})
 
 
 def test_it_is_the_same_bytes_again(copied: Path) -> None:

@@ -130,6 +130,8 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
             pass
         elif type(section) is Study and name == "pairs":
             read.update({f"{STUDY}.cells", f"{STUDY}.variants"})
+        elif type(section) is Study and name == "numbers":
+            read.update({f"{STUDY}.seeds", f"{STUDY}.variants"})
         elif name.startswith("model_dump"):
             read.update(below(where) if where else leaves(type(section)))
         elif name in type(section).model_fields:

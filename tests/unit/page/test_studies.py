@@ -244,8 +244,8 @@ def test_a_maps_tables_have_its_verdicts_tests_and_points(html: str) -> None:
     found = [row for row in rows(html, "study-mapped") if row[0].startswith(("1 one", "free, CAIS: lead"))]
     shares, own = "gain 0.60, scale 0.10, gain x scale 0.05", ["free, CAIS: lead"]
     assert found == [
-        ["1 one, as shown", "0.50", "0.30", "0.20", "4", "free, CAIS: lead", "0.50", "0.70", shares],
-        ["1 one, as said", "0.00", "1.00", "0.00", "0", "free, CAIS: lead", "0.00", "0.70", shares],
+        ["1 one, as shown", "0.50", "0.30", "0.20", "4", "free, CAIS: lead: 0.50, Q² 0.70", shares],
+        ["1 one, as said", "0.00", "1.00", "0.00", "0", "free, CAIS: lead: 0.00, Q² 0.70", shares],
         [*own, "1 one, as shown", "≥ 0.05", "P(MOVE)", "0.50", "0.30", "0.70", "0.90", "0.10 ± 0.02, 0.13", shares],
         [*own, "1 one, as said", "≥ 0.05", "P(MOVE)", "0.00", "1.00", "0.70", "0.90", "0.10 ± 0.02, 0.15", shares],
     ]  # fmt: skip

@@ -104,11 +104,15 @@ def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(publish
     assert_fits(published)
 
 
-def test_the_published_studies_page_has_every_study_fits_and_its_console_is_silent(browser: Chrome) -> None:
+def test_the_published_studies_page_has_what_is_computed_fits_and_its_console_is_silent(browser: Chrome) -> None:
     page = opened(browser, ROOT, paths.STUDIES)
     asked = yaml.safe_load((ROOT / settings.PATH).read_text(encoding="utf-8"))["studies"]
     shown = [section.get_attribute("id") for section in page.find_elements(By.CSS_SELECTOR, "section[id^=study-]")]
-    assert shown == [f"study-{name}" for name in asked]
+    computed = {name: (ROOT / paths.STUDIES_NUMBERS / f"{name}.json").exists() for name in asked}
+    assert shown == [f"study-{name}" for name, there in computed.items() if there]
+    short = page.find_element(By.ID, "short").text
+    assert all(f"{asked[name]['title']}" in short for name in asked)
+    assert ("Not computed yet" in short) == (not all(computed.values()))
     assert_fits(page)
 
 

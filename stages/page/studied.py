@@ -21,6 +21,7 @@ from stages.page.charted import Charted
 
 STATES = RISEN, FLAT, FALLEN, OPEN = "risen", "flat", "fallen", "open"
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
+LIMBLESS = 2  # underscores in r2_CONDITION_AXIS; a limb's own R² on an axis on which it hardly pulls means little
 DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
 
@@ -350,9 +351,12 @@ class Studied:
         return found
 
     def probes(self, start: str = "r2_") -> list[float]:
-        """R² of the variants' own encoders, each axis and condition, in order."""
+        """R² of the variants' own encoders, each axis and condition, all limbs together, in order."""
         return sorted(
-            value for own in self.variants.values() for name, value in own["probe"].items() if name.startswith(start)
+            value
+            for own in self.variants.values()
+            for name, value in own["probe"].items()
+            if name.startswith(start) and name.count("_") == LIMBLESS
         )
 
     def _cell(self, variant: str, name: str, effects: Effects) -> Cell:

@@ -19,9 +19,9 @@ paper: $(STAMP) ## Every figure, table and claim of the paper: only what is miss
 	@python -m stages.commands.gl --install
 	@python -m stages.commands.paper
 
-studies: $(STAMP) ## What goes beyond the paper: needs its encoder and scales, and changes none of them
+studies: $(STAMP) ## What goes beyond the paper, whose results it needs and leaves alone: make studies [STUDY=noise]
 	@python -m stages.commands.gl --install
-	@python -m stages.commands.studies
+	@python -m stages.commands.studies $(STUDY)
 
 watch: $(STAMP) ## From another terminal: what a running sweep or stage does, runs done, time left, last fault
 	@python -m stages.commands.watch

@@ -20,7 +20,7 @@ from mimo.settings import params
 from mimo.vision import encoder, extractor
 from mimo.vision.collect import REGIMES
 from mimo.world import scene
-from mimo.world.physics import Worlds
+from mimo.world.physics import Tied, Worlds
 
 BLOCK = 10  # agent steps
 PARTS = ("physics", "eye", "encoder", "learning", "record")
@@ -55,11 +55,12 @@ def measure(p: params.Params, condition: str, reward: str, size: int, blocks: in
     trained = untrained(p.encoder)
     run = Experiment(p, condition, reward, range(size), trained, dict.fromkeys(REWARDS, 1.0))
     spent = dict.fromkeys((*PARTS, "whole"), 0.0)
-    inputs: list[tuple[np.ndarray, bool]] = []
+    inputs: list[tuple[np.ndarray, Tied]] = []
     worlds, perception = run.experience.worlds, run.experience.perception
+    assert isinstance(worlds, Worlds)
     advance = worlds._advance
 
-    def keep(control: np.ndarray, attached: bool) -> Any:
+    def keep(control: np.ndarray, attached: Tied) -> Any:
         inputs.append((control, attached))
         return advance(control, attached)
 

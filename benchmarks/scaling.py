@@ -171,7 +171,7 @@ def row(p: params.Params, runs: list[Run], workers: int, lengths: Mapping[str, A
         os.chdir(folder)
         try:
             team = _Simulated(workers, lambda c: seconds_of(lengths, c.runs[0].reward, len(c.runs)), file)
-            job = sweep.Job(b"", 1.0, {"": sweep.Grid(p, {}, (), 0)})
+            job = {"": sweep.Grid(p, {}, b"", 1.0, (), range(0))}
             tally = sweep.Tally(job, len(runs), Silent())
             failed = sweep.drive(job, Schedule(runs, p.sweep.chunk), team, tally)
             assert not failed
@@ -228,8 +228,8 @@ def at_the_largest(p: params.Params, file: bytes) -> dict[str, float]:
     runs = paper_runs(p, SEEDS[-1])
     found = {}
     wide = p.model_copy(update={"sweep": p.sweep.model_copy(update={"seeds": SEEDS[-1]})})
-    own = sweep.Grid(wide, dict.fromkeys(REWARDS, 1.0), tuple({(run.condition, run.reward) for run in runs}), SEEDS[-1])
-    job = sweep.Job(b"", 1.0, {"": own})
+    cells = tuple({(run.condition, run.reward) for run in runs})
+    own = sweep.Grid(wide, dict.fromkeys(REWARDS, 1.0), b"", 1.0, cells, range(SEEDS[-1]))
 
     def timed(what: str, work: Callable[[], object]) -> None:
         began = time.perf_counter()
@@ -238,7 +238,7 @@ def at_the_largest(p: params.Params, file: bytes) -> dict[str, float]:
 
     def digests() -> None:
         for cell in own.cells:
-            sweep.runs_of(job, "0" * 64, "", *cell, range(own.seeds))
+            sweep.runs_of(own, "0" * 64, "", *cell, own.seeds)
 
     def manifests() -> None:
         for cell in own.cells:

@@ -65,10 +65,11 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
         seen: Any = env.observation_space
         self._settings, self._trained, self._condition = settings, trained, condition
         self._extract, self._needs_outcomes = Extractor(settings.encoder, trained), rewards.needs_outcomes(reward)
-        self._parts = [(settings.rewards.gain / scales[p.name], p) for p in rewards.parts(reward, settings.rewards)]
+        self._reward, self._scales = reward, scales
+        self._terms = rewards.parts(reward, settings.rewards)
         if self._needs_outcomes and settings.outcomes.marginal == "policy":
             raise Fault("PPO has no P(MOVE) that p(h) could be mixed by: set outcomes.marginal to `table`.")
-        if rewards.frames(part for _, part in self._parts) > 1:
+        if rewards.frames(self._terms) > 1:
             raise Fault("The environment shows one picture a step: set rewards.rtl.frames to 1.")
         latent = spaces.Box(-np.inf, np.inf, (settings.encoder.latent,), np.float32)
         self.observation_space = spaces.Dict({"proprioception": seen["proprioception"], "latent": latent})  # type: ignore[assignment]
@@ -76,21 +77,28 @@ class Intrinsic(gymnasium.Wrapper[Observation, np.ndarray, Observation, np.ndarr
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """A new experiment, with new outcome models."""
+        """A new experiment, with new outcome models, and rewards that have learned nothing."""
         seen, info = self.env.reset(seed=seed, options=options)
+        self._terms = rewards.parts(self._reward, self._settings.rewards, lambda name: self.np_random.spawn(1))
         # A stream of its own: the mobile's noise is the same with every reward.
         outcomes = None
         if self._needs_outcomes:
             outcomes = untaught(self._settings, self._trained, self._condition, self.np_random.spawn(1))
-        self._perception = Perception(self._extract, seen["vision"][None], outcomes)
+        self._perception = Perception(self._extract, seen["vision"][None], outcomes, self._terms)
+        self._joints = seen["proprioception"][None]
         return self._observation(seen), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One agent step; the reward as mimo.learning.experiment pays it, mean over the joints."""
         seen, mtl, terminated, truncated, info = self.env.step(action)
         moved = np.asarray(action, bool)[None]
-        transition = self._perception.transition(moved, np.array([float(mtl)]), seen["vision"][None])
-        paid = np.sum([gain * part(transition)[0] for gain, part in self._parts], axis=0)
+        path = np.array([float(mtl)])
+        transition = self._perception.transition(moved, path, seen["vision"][None], proprioception=self._joints)
+        self._joints = seen["proprioception"][None]
+        gain = self._settings.rewards.gain
+        paid = np.sum(
+            [gain * part.weight / self._scales[part.name] * part(transition)[0] for part in self._terms], axis=0
+        )
         info["rewards"] = paid
         return self._observation(seen), float(paid.mean()), terminated, truncated, info
 

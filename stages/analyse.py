@@ -24,7 +24,7 @@ def main() -> None:
     windows = analysis.windows(phases)
     pairs = list(itertools.product(p.sweep.conditions, p.sweep.rewards))
     with console.Progress("Analysis", len(pairs) * p.sweep.seeds, "runs") as progress:
-        stacked = curves.read(p, pairs, p.sweep.seeds, progress)
+        stacked = curves.read(p, pairs, range(p.sweep.seeds), progress)
     cells, about = stacked.cells, curves.about(p, p.sweep.seeds)
     digest = identity.Digest({"runs": stacked.runs, "about": about})
     content = artifact.write(

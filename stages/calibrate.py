@@ -1,7 +1,6 @@
 """`python -m stages.calibrate`: the scale of each reward, data/scales.h5."""
 
 import sys
-from pathlib import Path
 
 from mimo.record import artifact
 from mimo.settings import params
@@ -16,14 +15,14 @@ def main() -> None:
     held = artifact.read(paths.ENCODER, store.ENCODER)
     sight = store.sight(held)
 
-    def make(path: Path) -> None:
+    def make() -> bytes:
         trained, rest = extractor.load(held), scales.rest_digest(p, sight)
         if not store.has(store.REST, rest):
             total = p.calibrate.steps * p.calibrate.worlds
             with console.Progress("Resting policy", total, "agent steps") as progress:
                 store.keep(store.REST, rest, scales.record(p, trained, sight, progress.update))
         record = artifact.read(store.place(store.REST, rest), store.REST, rest)
-        artifact.publish(scales.measure(p, trained, sight, record), path)
+        return scales.measure(p, trained, sight, record)
 
     store.publish(store.SCALE, scales.digest(p, sight), paths.SCALES, make)
 

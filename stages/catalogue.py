@@ -18,7 +18,6 @@ PAPER = {
     paths.SCALES: store.SCALE,
     paths.RESULTS: store.RESULTS,
 }
-STUDIES = {paths.VARIANT_RESULTS: store.VARIANTS}
 
 Published = dict[Path, dict[str, str]]  # schema, digest and content hash by path
 
@@ -27,7 +26,9 @@ def main() -> None:
     """Read every artifact and list it."""
     params.load()
     if sys.argv[1:] == ["studies"]:
-        write(STUDIES, paths.VARIANTS, paths.STUDIES_ARTIFACTS)
+        curves = dict.fromkeys(sorted(paths.study("*").parent.glob("*.h5")), store.STUDY)
+        encoders = dict.fromkeys(sorted(paths.VARIANTS.glob("*/*/encoder.h5")), store.ENCODER)
+        write(curves | encoders, paths.VARIANTS, paths.STUDIES_ARTIFACTS)
     else:
         write(PAPER, paths.RUNS, paths.ARTIFACTS)
 
@@ -35,7 +36,7 @@ def main() -> None:
 def write(single: dict[Path, str], runs: Path, target: Path) -> None:
     """List the artifacts of `single`, schemas by path, and all runs below a folder."""
     listed = {}
-    for path, schema in (single | dict.fromkeys(sorted(runs.rglob("*.h5")), store.RUN)).items():
+    for path, schema in (single | dict.fromkeys(sorted(runs.rglob("seed-*.h5")), store.RUN)).items():
         held = artifact.read(path, schema)
         listed[path.as_posix()] = {"schema": schema, "digest": held.digest, "content": held.content}
     artifact.publish(f"{json.dumps(listed, indent=1)}\n".encode(), target)

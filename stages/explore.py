@@ -1,7 +1,6 @@
 """`python -m stages.explore`: reports/explore.json, every run's curves joint by joint, for the page's explorer.
 
-Means over blocks of steps, each value in two base64 digits (DIGITS): 0 stands for a curve's least value, LEVELS for
-its greatest.
+Means over blocks of steps, packed by stages.base.numbers.
 """
 
 import itertools
@@ -18,8 +17,6 @@ from mimo.world.protocol import MOVE
 from stages.base import console, numbers, paths
 from stages.sweep import curves
 
-DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
-LEVELS = 64**2 - 1
 CURVES = ("reward", "q_move", "move_probability")
 
 Array = np.ndarray
@@ -34,7 +31,7 @@ def main() -> None:
     found: dict[str, list[dict[str, Array]]] = {}
     contents = {}
     with console.Progress("Explorer", len(pairs) * p.sweep.seeds, "runs") as progress:
-        for pair, run in curves.runs(p, pairs, p.sweep.seeds, progress):
+        for pair, run in curves.runs(p, pairs, range(p.sweep.seeds), progress):
             cell = found.setdefault("/".join(pair), [])
             contents[f"{'/'.join(pair)}/{len(cell)}"] = run.content
             joints = _joints(run, p.agent.temperature)
@@ -44,26 +41,18 @@ def main() -> None:
     made: dict[str, Any] = {
         "runs": identity.Digest(contents),
         "block": width,
-        "levels": LEVELS,
+        "levels": numbers.LEVELS,
         "seeds": p.sweep.seeds,
         "steps": steps.tolist(),
         "phases": {name: [phase.start + 1, phase.stop] for name, phase in phases.items()},
         "joints": list(body.ACTUATED),
         "attached": limb.tolist(),
         "cells": {
-            name: {curve: packed(np.stack([run[curve] for run in cell])) for curve in CURVES}
+            name: {curve: numbers.packed(np.stack([run[curve] for run in cell])) for curve in CURVES}
             for name, cell in found.items()
         },
     }
     numbers.write(made, paths.EXPLORE)
-
-
-def packed(values: Array) -> dict[str, Any]:
-    """An array as `low`, `high` and `text`: its values in C order, rounded to LEVELS equal steps from low to high."""
-    low, high = numbers.rounded([float(values.min()), float(values.max())])
-    levels = np.rint((values - low) / ((high - low) or 1) * LEVELS).clip(0, LEVELS).astype(int)
-    digits = np.frombuffer(DIGITS.encode(), np.uint8)[np.stack([levels // 64, levels % 64], axis=-1)]
-    return {"low": low, "high": high, "text": digits.tobytes().decode()}
 
 
 def _joints(run: artifact.Artifact, temperature: float) -> dict[str, Array]:

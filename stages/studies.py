@@ -10,11 +10,12 @@ from stages.page.constants import constants
 
 
 def main() -> None:
-    """Write the page."""
-    studies.load(params.load())
+    """Write the page, of the studies that are computed."""
+    beyond = studies.load(params.load())
     html = page.studies(
+        beyond,
+        page.gathered_studies(list(beyond.studies)),
         page.read(paths.CLAIMS),
-        page.read(paths.VARIANT_CLAIMS)["variants"],
         page.read(paths.EFFECTS),
         constants(studies.PATH.read_text(encoding="utf-8")),
     )

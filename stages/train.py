@@ -14,9 +14,7 @@ def main() -> None:
     workers = crew.asked(argparse.ArgumentParser(prog="python -m stages.train")).workers
     p = params.load()
     grid = sweep.grid(p)
-    runs = sweep.complete(
-        sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": grid}), p.sweep.chunk, workers
-    )
+    runs = sweep.complete({"": grid}, p.sweep.chunk, workers)
     _drop_other_cells(set(grid.cells))
     shutil.rmtree(paths.MANIFESTS, ignore_errors=True)
     for cell in grid.cells:

@@ -8,21 +8,16 @@ from pathlib import Path
 
 from mimo.record import artifact
 from mimo.settings import params
-from mimo.vision import extractor
-from stages import encoder as training
 from stages.base import console, overlay, paths, store
+from stages.sweep import encoders
 
 
 def main() -> None:
     """Train it, unless the store has it."""
     p = settings(params.load())
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    digest = training.made_from(p, frames, measured=False)
-
-    def make(path: Path) -> None:
-        extractor.save(training.train(p, frames["frames"]), path, digest, {})
-
-    store.publish(store.ENCODER, digest, paths.TRIAL, make)
+    digest = encoders.digest(p, frames, measured=False)
+    store.publish(store.ENCODER, digest, paths.TRIAL, lambda: encoders.encoder(p, frames, measured=False))
 
 
 def settings(p: params.Params) -> params.Params:

@@ -6,8 +6,9 @@ The paper gives no scale, but against the temperature of 0.3 a reward's scale de
 import numpy as np
 
 from mimo.learning import rewards
-from mimo.learning.experience import transition, untaught
+from mimo.learning.experience import learned, untaught
 from mimo.learning.resting import Rest
+from mimo.learning.rewards import Transition
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision.collect import resting_probability
@@ -28,17 +29,24 @@ def scales(params: Params, trained: Trained, rest: Rest) -> dict[str, float]:
         FloatingPointError: a reward does not vary, so that it has no scale.
     """
     worlds = range(params.calibrate.worlds)
-    batches = [streams.generator(params.seed, "free", world, "calibrate_memory") for world in worlds]
-    outcomes = untaught(params, trained, "free", batches)
-    terms = rewards.parts("_".join(rewards.REWARDS), params.rewards)
+
+    def generators(purpose: str, name: str = "") -> list[np.random.Generator]:
+        return [streams.generator(params.seed, "free", world, purpose, name) for world in worlds]
+
+    outcomes = untaught(params, trained, "free", generators("calibrate_memory"))
+    terms = rewards.parts("_".join(rewards.REWARDS), params.rewards, lambda name: generators("calibrate_reward", name))
     frames = rewards.frames(terms)
     probability = np.full(rest.action.shape[1:], resting_probability(params.agent), np.float32)
     seen = np.empty((len(terms), *rest.action.shape))
-    for step, (action, path_length) in enumerate(zip(rest.action, rest.path_length, strict=True)):
-        found = transition(
-            action, path_length, rest.latent[:, step * frames : (step + 1) * frames + 1], outcomes, probability
+    for step in range(len(rest.action)):
+        found = Transition(
+            path_length=rest.path_length[step],
+            latents=rest.latent[:, step * frames : (step + 1) * frames + 1],
+            action=rest.action[step],
+            probability=probability,
+            proprioception=rest.proprioception[step],
         )
-        seen[:, step] = rewards.paid(terms, found)
+        seen[:, step] = rewards.paid(terms, learned(found, outcomes, terms))
     half = params.calibrate.steps // 2
     deviations = {term.name: float(values[half:].std()) for term, values in zip(terms, seen, strict=True)}
     flat = [name for name, value in deviations.items() if not value > 0]

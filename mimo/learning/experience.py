@@ -1,17 +1,19 @@
 """The one way from actions to a transition: worlds, eye, extractor and, where needed, outcome models."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from mimo.learning import rewards
 from mimo.learning.outcomes import Outcomes, taus
-from mimo.learning.rewards import Transition
+from mimo.learning.rewards import Reward, Transition
 from mimo.settings.params import Params
 from mimo.vision.collect import REGIMES
 from mimo.vision.extractor import LEVELS, Extractor, Trained
 from mimo.world.eye import Eye
-from mimo.world.physics import Outcome, Worlds
+from mimo.world.physics import Outcome, Tied, Worlds
+from mimo.world.yoked import Yoked
 
 
 class Perception:
@@ -25,10 +27,13 @@ class Perception:
         extract: pictures to h.
         frames: (N, 128, 128, 3) uint8, what is seen first.
         outcomes: of N seeds.
+        terms: the rewards that are to be paid.
     """
 
-    def __init__(self, extract: Extractor, frames: np.ndarray, outcomes: Outcomes | None = None) -> None:
-        self._extract, self.outcomes = extract, outcomes
+    def __init__(
+        self, extract: Extractor, frames: np.ndarray, outcomes: Outcomes | None = None, terms: Sequence[Reward] = ()
+    ) -> None:
+        self._extract, self.outcomes, self._terms = extract, outcomes, terms
         self.latent = extract(frames)
 
     def transition(
@@ -38,6 +43,7 @@ class Perception:
         frames: np.ndarray,
         probability: np.ndarray | None = None,
         before_end: Sequence[np.ndarray] = (),
+        proprioception: np.ndarray | None = None,
     ) -> Transition:
         """Take in what came of an action; the outcome models learn from it once they have said what they expected.
 
@@ -47,37 +53,32 @@ class Perception:
             frames: (N, 128, 128, 3) uint8, what is seen at the step's end.
             probability: (N, 12) float32, P(MOVE) by which it was decided; see Outcomes.influence.
             before_end: likewise frames, of what is seen before the end.
+            proprioception: (N, 47) joint angles at the step's start, rad; some rewards read them.
         """
         seen = np.stack([self.latent, *map(self._extract, (*before_end, frames))], axis=1)
         self.latent = seen[:, -1]
-        return transition(moved, path_length.astype(np.float32), seen, self.outcomes, probability)
+        joints = None if proprioception is None else proprioception.astype(np.float32)
+        whole = Transition(path_length.astype(np.float32), seen, moved, probability=probability, proprioception=joints)
+        return learned(whole, self.outcomes, self._terms)
 
 
-def transition(
-    action: np.ndarray,
-    path_length: np.ndarray,
-    latents: np.ndarray,
-    outcomes: Outcomes | None,
-    probability: np.ndarray | None = None,
-) -> Transition:
+def learned(seen: Transition, outcomes: Outcomes | None, terms: Iterable[Reward]) -> Transition:
     """What came of an action; the outcome models learn from it once they have said what they expected.
 
     Args:
-        action: (N, 12) bool, True where the joint moved.
-        path_length: (N,) float32, m travelled by the mobile.
-        latents: (N, frames + 1, latent) float32, h at the start and at each picture, the last at the end.
+        seen: without what the outcome models say of it.
         outcomes: of N seeds, where something needs them.
-        probability: (N, 12) float32, P(MOVE) by which the action was decided; see Outcomes.influence.
+        terms: the rewards that are to be paid.
     """
-    found = Transition(
-        path_length=path_length,
-        latents=latents,
-        action=action,
-        influence=outcomes.influence(probability) if outcomes else None,
-        expectation=outcomes.expectation(action) if outcomes else None,
+    if outcomes is None:
+        return seen
+    found = replace(
+        seen,
+        influence=outcomes.influence(seen.probability),
+        expectation=outcomes.expectation(seen.action),
+        tables=outcomes.tables.copy() if any(term.needs_tables for term in terms) else None,
     )
-    if outcomes:
-        outcomes.update(action, latents[:, -1])
+    outcomes.update(seen.action, seen.latent)
     return found
 
 
@@ -93,24 +94,29 @@ class Experience:
         eye: of the same scene.
         extract: pictures to h.
         outcomes: of N seeds, where something needs them.
-        frames: pictures of a step, evenly in time, the last at its end.
+        terms: the rewards that are to be paid; they say how many pictures of a step there are.
     """
 
     def __init__(
-        self, worlds: Worlds, eye: Eye, extract: Extractor, outcomes: Outcomes | None = None, frames: int = 1
+        self,
+        worlds: Worlds | Yoked,
+        eye: Eye,
+        extract: Extractor,
+        outcomes: Outcomes | None = None,
+        terms: Sequence[Reward] = (),
     ) -> None:
-        self.worlds, self._eye, self._frames = worlds, eye, frames
-        self.perception = Perception(extract, eye.frames(worlds.qpos), outcomes)
+        self.worlds, self._eye, self._frames = worlds, eye, rewards.frames(terms)
+        self.perception = Perception(extract, eye.frames(worlds.qpos), outcomes, terms)
 
     def step(
-        self, moved: np.ndarray, positive: np.ndarray, attached: bool, probability: np.ndarray | None = None
+        self, moved: np.ndarray, positive: np.ndarray, attached: Tied, probability: np.ndarray | None = None
     ) -> tuple[Outcome, Transition]:
         """One agent step (paper §2.3, fig. 1B).
 
         Args:
             moved: (N, 12) bool, MOVE or not.
             positive: (N, 12) bool, the torques' directions.
-            attached: whether the rope is on.
+            attached: whether the rope is on, in all worlds or (N,) in each.
             probability: (N, 12) float32, P(MOVE) by which it was decided; see Outcomes.influence.
 
         Returns:
@@ -119,13 +125,13 @@ class Experience:
         Raises:
             DivergedError: a world's physics diverged.
         """
-        pieces, seen = [], []
+        pieces, seen, joints = [], [], self.worlds.proprioception()
         for outcome in self.worlds.parts(moved, positive, attached, self._frames):
             pieces.append(outcome.path_length)
             seen.append(self._eye.frames(self.worlds.qpos))
         outcome = replace(outcome, path_length=np.sum(pieces, axis=0))
         *before_end, last = seen
-        return outcome, self.perception.transition(moved, outcome.path_length, last, probability, before_end)
+        return outcome, self.perception.transition(moved, outcome.path_length, last, probability, before_end, joints)
 
 
 def untaught(params: Params, trained: Trained, condition: str, generators: Sequence[np.random.Generator]) -> Outcomes:

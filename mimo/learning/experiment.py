@@ -4,6 +4,7 @@ Several seeds run in lock step, for speed alone: a run's bytes are the same in a
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,8 +20,9 @@ from mimo.settings.params import Params
 from mimo.vision.extractor import READ, Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
-from mimo.world.physics import Worlds
+from mimo.world.physics import Tied, Worlds
 from mimo.world.protocol import JOINTS, MOVE, phase, steps
+from mimo.world.yoked import Yoked
 
 Record = dict[str, Dataset]
 
@@ -29,8 +31,27 @@ class RunError(Fault):
     """A run came to nothing; the message names condition, reward, seed and step."""
 
 
+@dataclass(frozen=True)
+class Donor:
+    """Whose mobile a yoked infant is under (mimo.world.yoked): a run of the same condition, protocol and world.
+
+    Attributes:
+        content: the run's content hash.
+        seed: index of its seed.
+        moved: (steps, 12) bool, its actions.
+        positive: (steps, 12) bool, the directions of its torques.
+    """
+
+    content: str
+    seed: int
+    moved: np.ndarray
+    positive: np.ndarray
+
+
 def inputs(params: Params, condition: str, reward: str, encoder: str, scales: Mapping[str, float]) -> dict[str, Any]:
     """All that the bytes of a cell's runs depend on but their seed; identity.Digest of it with `seed` names a run.
+
+    A yoked run's has its donor's content hash, too, as `donor`.
 
     Args:
         params: all of params.yaml; only what the run reads counts.
@@ -104,6 +125,7 @@ class Experiment:
         seeds: seed indices.
         trained: the encoder.
         scales: by reward name, the SD by which it is divided; not read if `rewards.scale` is running.
+        donors: of yoked infants, one for each seed.
     """
 
     def __init__(
@@ -114,25 +136,31 @@ class Experiment:
         seeds: Sequence[int],
         trained: Trained,
         scales: Mapping[str, float],
+        donors: Sequence[Donor] = (),
     ) -> None:
         self.params, self.condition, self.reward, self.seeds = params, condition, reward, tuple(seeds)
 
-        def generators(purpose: str) -> list[np.random.Generator]:
-            return [streams.generator(params.seed, condition, seed, purpose) for seed in seeds]
+        def generators(purpose: str, name: str = "", of: Sequence[int] = seeds) -> list[np.random.Generator]:
+            return [streams.generator(params.seed, condition, seed, purpose, name) for seed in of]
 
-        built = scene.build(params.world, params.protocol)
-        worlds = Worlds(built, params.protocol, getattr(params.conditions, condition).force, generators("noise"))
+        built, force = scene.build(params.world, params.protocol), getattr(params.conditions, condition).force
+        own = Worlds(built, params.protocol, 0.0 if donors else force, generators("noise"))
+        worlds: Worlds | Yoked = own
+        if donors:
+            theirs = Worlds(built, params.protocol, force, generators("noise", of=[donor.seed for donor in donors]))
+            acted = (np.stack([getattr(donor, name) for donor in donors], axis=1) for name in ("moved", "positive"))
+            worlds = Yoked(own, theirs, *acted)
         outcomes = (
             untaught(params, trained, condition, generators("memory")) if rewards.needs_outcomes(reward) else None
         )
         self.eye = Eye(built)
-        self.parts = rewards.parts(reward, params.rewards)
-        frames, extract = rewards.frames(self.parts), Extractor(params.encoder, trained)
-        self.experience = Experience(worlds, self.eye, extract, outcomes, frames)
+        self.parts = rewards.parts(reward, params.rewards, lambda name: generators("reward", name))
+        extract = Extractor(params.encoder, trained)
+        self.experience = Experience(worlds, self.eye, extract, outcomes, self.parts)
         gain, running = params.rewards.gain, params.rewards.scale == "running"
-        self._gains = [gain if running else gain / scales[part.name] for part in self.parts]
+        self._gains = [gain * part.weight / (1.0 if running else scales[part.name]) for part in self.parts]
         self._running = [Running(len(self.seeds)) for _ in self.parts] if running else None
-        self._direction, self._policy = generators("direction"), generators("policy")
+        self._direction, self._policy, self._rope = (generators(name) for name in ("direction", "policy", "rope"))
         self.state = self._state(worlds.proprioception())
         self.agents = Agents(params.agent, self.state.shape[1], generators("weights"))
         self.log = _Log(len(self.seeds), steps(params.protocol))
@@ -165,7 +193,9 @@ class Experiment:
         chance = np.stack([generator.random(JOINTS) for generator in self._policy])
         positive = np.stack([generator.random(JOINTS) for generator in self._direction]) < 0.5
         moved = chance < probability
-        attached = phase(self.params.protocol, step) == "attached"
+        attached: Tied = phase(self.params.protocol, step) == "attached"
+        if (holds := self.params.world.rope_holds) < 1:
+            attached &= np.array([generator.random() for generator in self._rope]) < holds
         outcome, transition = self.experience.step(moved, positive, attached, probability)
         parts = rewards.paid(self.parts, transition)
         scaled = parts
@@ -187,6 +217,8 @@ class Experiment:
             "reward": reward,
         }
         entry |= {f"part/{part.name}": raw for part, raw in zip(self.parts, parts, strict=True)}
+        if not isinstance(attached, bool):
+            entry["attached"] = attached
         if transition.influence is not None:
             entry["influence"] = transition.influence[..., MOVE]
         self.log.add(step, entry)
@@ -213,6 +245,7 @@ class _Log:
         "move_probability": ("1", "step, joint"),
         "reward": ("scaled reward", "step, joint"),
         "influence": ("h", "step, joint"),
+        "attached": ("1 = the rope holds", "step"),
     }
 
     def __init__(self, seeds: int, steps: int) -> None:

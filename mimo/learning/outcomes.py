@@ -2,7 +2,8 @@
 
 A model is a free table: a number, the quantile, for each tau and each dimension of the latent h. A table of p(h|a), one
 for each joint and action, learns from the transitions in which the joint took that action, the table of p(h) from all.
-Each draws a batch of its own, so that all move at one pace. Several seeds learn in lock step, each computed by itself:
+Each draws a batch of its own, so that all move at one pace. With `outcomes.action` "limb", a joint's action is its
+limb's: MOVE if any of the limb's joints moved. Several seeds learn in lock step, each computed by itself:
 its numbers are the same bytes in any company.
 """
 
@@ -13,11 +14,16 @@ import numpy as np
 
 from mimo.record.kernels import ONE, Array, adamw, checked, kernel
 from mimo.settings import params
+from mimo.world import body
 from mimo.world.protocol import ACTIONS, JOINTS, MOVE, NO_TORQUE
 
 CONDITIONAL = JOINTS * ACTIONS  # tables of p(h|a); row 2 * joint + action
 MARGINAL = CONDITIONAL  # the row of p(h), which comes last
 NONE = -1  # in a batch: no transition
+LIMBS = tuple(  # of each joint: the joints of its limb, itself among them
+    np.flatnonzero(next(body.attached(limb) for limb, own in body.LIMB_JOINTS.items() if joint in own))
+    for joint in body.ACTUATED
+)
 
 
 def taus(quantiles: int) -> Array:
@@ -57,13 +63,18 @@ class Outcomes:
     @property
     def conditional(self) -> Array:
         """Quantiles of p(h|a), a view (N, joint, action, latent, quantiles)."""
-        tables = self._tables[:, :CONDITIONAL]
+        tables = self.tables[:, :CONDITIONAL]
         return tables.reshape(-1, JOINTS, ACTIONS, *tables.shape[2:]).swapaxes(-1, -2)
 
     @property
     def marginal(self) -> Array:
         """Quantiles of p(h), a view (N, latent, quantiles)."""
-        return self._tables[:, MARGINAL].swapaxes(-1, -2)
+        return self.tables[:, MARGINAL].swapaxes(-1, -2)
+
+    @property
+    def tables(self) -> Array:
+        """All of them, a view (N, 25, quantiles, latent): row 2 * joint + action is p(h|a), the last p(h)."""
+        return self._tables
 
     def update(self, action: Array, latent: Array) -> None:
         """Remember a transition, then take one step of AdamW on batches of the last `memory` transitions.
@@ -83,7 +94,7 @@ class Outcomes:
         """
         latent = checked("latent", latent, (len(self._tables), self._latents.shape[-1]), np.float32)
         place = self._steps % self._settings.memory
-        self._actions[:, place] = checked("action", action, (len(self._tables), JOINTS), bool)
+        self._actions[:, place] = self._acted(action)
         self._latents[:, place] = latent
         self._steps += 1
         held = min(self._steps, self._settings.memory)
@@ -117,6 +128,8 @@ class Outcomes:
             if probability is None:
                 raise ValueError("With outcomes.marginal `policy`, influence needs P(MOVE); there is none.")
             probability = checked("probability", probability, (len(self._tables), JOINTS), np.float32)
+            if self._settings.action == "limb":
+                probability = ONE - np.stack([(ONE - probability)[:, own].prod(axis=1) for own in LIMBS], axis=1)
             apart = np.stack([_apart(tables) for tables in self._tables])
             return np.stack([probability * apart, (ONE - probability) * apart], axis=-1)
         return np.stack([_distances(tables) for tables in self._tables]).reshape(-1, JOINTS, ACTIONS)
@@ -133,8 +146,30 @@ class Outcomes:
         Raises:
             ValueError: the action has another shape or type.
         """
-        rows = checked("action", action, (len(self._tables), JOINTS), bool) + ACTIONS * np.arange(JOINTS)
+        rows = self._acted(action) + ACTIONS * np.arange(JOINTS)
         return np.stack([_means(tables, own) for tables, own in zip(self._tables, rows, strict=True)])
+
+    def _acted(self, action: Array) -> Array:
+        """(N, 12) bool, what the tables take for each joint's action."""
+        action = checked("action", action, (len(self._tables), JOINTS), bool)
+        if self._settings.action == "joint":
+            return action
+        return np.stack([action[:, own].any(axis=1) for own in LIMBS], axis=1)
+
+
+@kernel
+def wasserstein(first: Array, second: Array) -> Any:
+    """W1 between two tables (quantiles, latent): the mean distance of quantiles at the same level, over the latent."""
+    quantiles, latent = first.shape
+    sums = np.zeros(latent, np.float32)
+    for k in range(quantiles):
+        a, b = first[k], second[k]
+        for d in range(latent):
+            sums[d] += abs(a[d] - b[d])
+    found = sums[0]
+    for d in range(1, latent):
+        found += sums[d]
+    return found / np.float32(quantiles * latent)
 
 
 @kernel
@@ -202,36 +237,18 @@ def _differentiate(tables: Array, drawn: Array, latents: Array, levels: Array, k
 @kernel
 def _apart(tables: Array) -> Array:
     """(joints,): W1 of each joint's two tables of p(h|a)."""
-    quantiles, latent = tables.shape[1:]
-    found, sums = np.empty(MARGINAL // ACTIONS, np.float32), np.empty(latent, np.float32)
+    found = np.empty(MARGINAL // ACTIONS, np.float32)
     for joint in range(len(found)):
-        sums[:] = 0
-        for k in range(quantiles):
-            rest, move = tables[ACTIONS * joint + NO_TORQUE, k], tables[ACTIONS * joint + MOVE, k]
-            for d in range(latent):
-                sums[d] += abs(move[d] - rest[d])
-        found[joint] = sums[0]
-        for d in range(1, latent):
-            found[joint] += sums[d]
-        found[joint] /= np.float32(quantiles * latent)
+        found[joint] = wasserstein(tables[ACTIONS * joint + MOVE], tables[ACTIONS * joint + NO_TORQUE])
     return found
 
 
 @kernel
 def _distances(tables: Array) -> Array:
     """(tables - 1,): W1 of each table and the last."""
-    quantiles, latent = tables.shape[1:]
-    found, sums = np.empty(len(tables) - 1, np.float32), np.empty(latent, np.float32)
+    found = np.empty(len(tables) - 1, np.float32)
     for row in range(len(found)):
-        sums[:] = 0
-        for k in range(quantiles):
-            q, marginal = tables[row, k], tables[-1, k]
-            for d in range(latent):
-                sums[d] += abs(q[d] - marginal[d])
-        found[row] = sums[0]
-        for d in range(1, latent):
-            found[row] += sums[d]
-        found[row] /= np.float32(quantiles * latent)
+        found[row] = wasserstein(tables[row], tables[-1])
     return found
 
 

@@ -30,6 +30,13 @@ class Replay:
     positions: dict[int, np.ndarray]
 
 
+def tied(p: Params, run: Artifact, step: int) -> bool:
+    """Whether the rope held in a step of a run, counted from 0."""
+    if "attached" in run.datasets:  # a rope that holds in some steps alone
+        return bool(run["attached"][step])
+    return phase(p.protocol, step) == "attached"
+
+
 def replay(
     p: Params,
     run: Artifact,
@@ -52,7 +59,10 @@ def replay(
 
     Raises:
         DivergedError: the physics diverged.
+        ValueError: the run is a yoked infant's, whose mobile another moves.
     """
+    if run.inputs and "donor" in run.inputs:
+        raise ValueError("A yoked infant's run cannot be lived through again: its mobile is another's.")
     condition, seed = str(run.about["condition"]), int(run.about["seed"])
     noise = streams.generator(p.seed, condition, seed, "noise")
     worlds = Worlds(scene, p.protocol, getattr(p.conditions, condition).force, [noise])
@@ -64,7 +74,7 @@ def replay(
         # One update at a time gives the same numbers; the run's record is what shows it.
         cuts = range(1, p.protocol.updates_per_step) if step in shown else ()
         lengths, track = [], []
-        for outcome in worlds.pieces(moved, positive, phase(p.protocol, step) == "attached", cuts):
+        for outcome in worlds.pieces(moved, positive, tied(p, run, step), cuts):
             lengths.append(outcome.path_length)
             track.append(worlds.qpos[0])
         if step in shown:

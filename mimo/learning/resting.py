@@ -11,7 +11,7 @@ from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision.collect import resting_probability
 from mimo.vision.extractor import Extractor, Trained
-from mimo.world import scene
+from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 from mimo.world.protocol import JOINTS
@@ -26,15 +26,17 @@ class Rest:
         path_length: (steps, worlds) m travelled by the mobile, float32.
         latent: (worlds, steps * frames + 1, latent) float32, h at the start and at each picture of each step, as many
             as all rewards together need.
+        proprioception: (steps, worlds, 47) joint angles at each step's start, rad, float32.
     """
 
     action: np.ndarray
     path_length: np.ndarray
     latent: np.ndarray
+    proprioception: np.ndarray
 
 
 def record(params: Params, trained: Trained, progress: Callable[[int], None] = lambda steps: None) -> Rest:
-    """Act, and keep what came of it.
+    """Act, and keep what came of it. The rope holds in every step, whatever `world.rope_holds`.
 
     Args:
         params: all of params.yaml.
@@ -51,17 +53,18 @@ def record(params: Params, trained: Trained, progress: Callable[[int], None] = l
     )
     built = scene.build(params.world, params.protocol)
     action, path_length = np.empty((steps, worlds, JOINTS), bool), np.empty((steps, worlds), np.float32)
-    frames = rewards.frames(rewards.parts("_".join(rewards.REWARDS), params.rewards))
+    terms = rewards.parts("_".join(rewards.REWARDS), params.rewards)
+    frames, joints = rewards.frames(terms), np.empty((steps, worlds, len(body.JOINTS)), np.float32)
     latent = np.empty((worlds, steps * frames + 1, params.encoder.latent), np.float32)
     probability = resting_probability(params.agent)
     with Eye(built) as eye:
         acting = Worlds(built, params.protocol, params.conditions.free.force, noise)
-        experience = Experience(acting, eye, Extractor(params.encoder, trained), frames=frames)
+        experience = Experience(acting, eye, Extractor(params.encoder, trained), terms=terms)
         for step in range(steps):
             chance = np.stack([draw.random((2, JOINTS)) for draw in draws], axis=1)
             action[step] = chance[0] < probability
             _, found = experience.step(action[step], chance[1] < 0.5, attached=True)
-            path_length[step] = found.path_length
+            path_length[step], joints[step] = found.path_length, found.proprioception
             latent[:, step * frames : (step + 1) * frames + 1] = found.latents
             progress((step + 1) * worlds)
-    return Rest(action, path_length, latent)
+    return Rest(action, path_length, latent, joints)

@@ -17,11 +17,14 @@ PURPOSES = (
     "calibrate",
     "calibrate_memory",
     "calibrate_noise",
+    "rope",  # whether it holds
+    "reward",  # what a reward draws, a stream for each by its name
+    "calibrate_reward",
 )
 CONDITIONS = ("free", "noisy")
 
 
-def generator(root: int, condition: str, seed: int, purpose: str) -> np.random.Generator:
+def generator(root: int, condition: str, seed: int, purpose: str, name: str = "") -> np.random.Generator:
     """The generator of one purpose of one run.
 
     Args:
@@ -29,6 +32,7 @@ def generator(root: int, condition: str, seed: int, purpose: str) -> np.random.G
         condition: free or noisy.
         seed: index of the run's seed, from 0.
         purpose: one of PURPOSES.
+        name: of one among several that share the purpose.
     """
-    key = (CONDITIONS.index(condition), seed, PURPOSES.index(purpose))
+    key = (CONDITIONS.index(condition), seed, PURPOSES.index(purpose), *name.encode())
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(root, spawn_key=key)))

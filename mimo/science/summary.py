@@ -7,7 +7,14 @@ import numpy as np
 
 from mimo.science import analysis
 
-ACRONYMS = ("mtl", "rtl", "cais")
+ACRONYMS = ("mtl", "rtl", "cais", "rnd", "cai")
+TITLES = {
+    "means": "CAIS by means",
+    "kl": "CAIS by Gaussian KL",
+    "energy": "CAIS by energy distance",
+    "mmd": "CAIS by MMD",
+    "progress": "Learning progress",
+}
 # The windows of tables.
 TABLED = ("baseline", "acquisition_early", "acquisition_late", "extinction_early", "extinction_late")
 LEARNED, MINUTES, OF = 1.5, 2, 3  # times the baseline's rate, in two of any three consecutive minutes: see `learned`
@@ -17,8 +24,10 @@ Array = np.ndarray
 
 
 def label(reward: str) -> str:
-    """A reward as the paper writes it: `rtl_surprise` is RTL + Surprise."""
-    return " + ".join(part.upper() if part in ACRONYMS else part.capitalize() for part in reward.split("_"))
+    """A reward as the paper writes it, or would: `rtl_surprise` is RTL + Surprise."""
+    return " + ".join(
+        part.upper() if part in ACRONYMS else TITLES.get(part, part.capitalize()) for part in reward.split("_")
+    )
 
 
 def window(phases: Mapping[str, slice]) -> int:

@@ -7,7 +7,7 @@ rewards by the name of their folder, as plug-ins are found.
 import importlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
@@ -65,6 +65,7 @@ class World(Section):
     suspension_drag: Annotated[float, Field(ge=10, le=1000)]
     rope_stiffness: Annotated[float, Field(ge=10, le=1000)]
     rope_slack: Annotated[float, Field(ge=0, le=0.1)]  # a limb's way; a longer rope never pulls
+    rope_holds: Annotated[float, Field(ge=0, le=1)]  # probability, in each agent step of the attached phase
 
 
 class Collect(Section):
@@ -72,6 +73,8 @@ class Collect(Section):
 
     worlds: Annotated[int, Field(gt=0, le=16)]
     steps: Annotated[int, Field(ge=5, le=400)]  # 0.4 MB of frames each, in every world
+    limbs: Literal["own", "all"]  # worlds tied to the protocol's limb, or to each limb in turn
+    draw: Annotated[int, Field(ge=0, le=1000)]  # of the frames' and the training's random streams
     pair_updates: Updates
     held_out: Annotated[float, Field(gt=0, lt=1)]
 
@@ -117,6 +120,7 @@ class Outcomes(Section):
     batch: Annotated[int, Field(gt=0, le=64)]
     batches: Literal["own", "shared"]
     memory: Annotated[int, Field(gt=0, le=20_000)]
+    action: Literal["joint", "limb"]
     marginal: Literal["table", "policy"]
     start: Literal["detached", "zero"]
 
@@ -198,6 +202,12 @@ class Params(Section):
             raise ValueError("collect.pair_updates must be less than protocol.updates_per_step")
         if not 0 < round(self.collect.steps * (1 - self.collect.held_out)) < self.collect.steps:
             raise ValueError("collect.held_out must leave at least one of collect.steps on either side")
+        if self.collect.limbs == "all" and self.collect.worlds < len(get_args(Limb)):
+            raise ValueError(f"collect.worlds must be at least {len(get_args(Limb))} where collect.limbs is 'all'")
+        if self.outcomes.action == "limb" and self.rewards.cais.pays == "taken":
+            raise ValueError(
+                "rewards.cais.pays must be 'move' where outcomes.action is 'limb': a joint may rest meanwhile"
+            )
         for name, kind in REWARDS.items():
             if kind.Constants and kind(getattr(self.rewards, name)).frames > self.protocol.updates_per_step:
                 raise ValueError(f"rewards.{name} must need no more pictures of a step than protocol.updates_per_step")

@@ -61,8 +61,17 @@ class Extractor:
         return latent
 
 
+def to_bytes(trained: Trained, digest: str, measures: Mapping[str, float]) -> bytes:
+    """The file of a trained encoder, with what was measured of it."""
+    return artifact.to_bytes(SCHEMA, digest, _datasets(trained, measures))
+
+
 def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str, float]) -> str:
-    """Write a trained encoder with what was measured of it; returns the content hash (see artifact.write)."""
+    """Write that file; returns the content hash (see artifact.write)."""
+    return artifact.write(path, SCHEMA, digest, _datasets(trained, measures))
+
+
+def _datasets(trained: Trained, measures: Mapping[str, float]) -> dict[str, artifact.Dataset]:
     datasets = {f"weights/{name}": artifact.Dataset(value, "1", "") for name, value in trained.weights.items()}
     datasets |= {
         "latent/mean": artifact.Dataset(trained.mean, "1", "dimension"),
@@ -71,8 +80,9 @@ def save(trained: Trained, path: str | Path, digest: str, measures: Mapping[str,
         "curves/reconstruction": artifact.Dataset(trained.reconstruction, "squared intensity", "iteration"),
         "curves/cltt": artifact.Dataset(trained.cltt, "nat", "iteration"),
     }
-    datasets |= {f"measures/{name}": artifact.Dataset(np.array(value), "1", "") for name, value in measures.items()}
-    return artifact.write(path, SCHEMA, digest, datasets)
+    return datasets | {
+        f"measures/{name}": artifact.Dataset(np.array(value), "1", "") for name, value in measures.items()
+    }
 
 
 def load(held: artifact.Artifact) -> Trained:

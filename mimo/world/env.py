@@ -50,6 +50,7 @@ class Setting:
             known = " or ".join(params.Conditions.model_fields)
             raise ParamsError(f"condition must be {known}; it is {condition!r}.")
         self.force = getattr(whole.conditions, condition).force
+        self.rope_holds = whole.world.rope_holds
         self.scene = scene.build(whole.world, self.protocol)
         self.actions = spaces.MultiBinary(JOINTS)
         self.observations = spaces.Dict(
@@ -71,16 +72,20 @@ class Setting:
         return given.astype(bool)
 
     def attached(self, step: int) -> bool:
-        """Whether the rope is on in a step, counted from 0."""
+        """Whether the rope is on in a step, counted from 0, if it always holds."""
         return step < steps(self.protocol) and phase(self.protocol, step) == "attached"
 
-    def info(self, step: int, path_length: float, centre: np.ndarray) -> dict[str, Any]:
+    def tied(self, step: int, draw: np.random.Generator) -> bool:
+        """Whether it is on and holds: by chance, where `world.rope_holds` is below 1."""
+        return self.attached(step) and (self.rope_holds >= 1 or bool(draw.random() < self.rope_holds))
+
+    def info(self, step: int, path_length: float, centre: np.ndarray, attached: bool) -> dict[str, Any]:
         """What `info` holds after a step, counted from 0, of one world."""
         return {
             "mtl": float(path_length),
             "centre_of_mass": centre.copy(),
             "phase": phase(self.protocol, min(step, steps(self.protocol) - 1)),
-            "attached": self.attached(step),
+            "attached": attached,
         }
 
 
@@ -140,7 +145,9 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray], gymnasium.utils.EzPi
         super().reset(seed=seed)
         self._step = 0
         self._worlds = Worlds(self._setting.scene, self._setting.protocol, self._setting.force, [self.np_random])
-        return self._observe(self._worlds), self._setting.info(0, 0.0, self._worlds.centre_of_mass[0])
+        return self._observe(self._worlds), self._setting.info(
+            0, 0.0, self._worlds.centre_of_mass[0], self._setting.attached(0)
+        )
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One agent step of 600 ms (paper §2.3).
@@ -152,9 +159,9 @@ class MIMoMobileEnv(gymnasium.Env[Observation, np.ndarray], gymnasium.utils.EzPi
         if self._worlds is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         positive = self.np_random.random((1, JOINTS)) < 0.5
-        attached = self._setting.attached(self._step)
+        attached = self._setting.tied(self._step, self.np_random)
         outcome = self._worlds.step(self._setting.moved(np.asarray(action)[None], 1), positive, attached)
-        info = self._setting.info(self._step, outcome.path_length[0], outcome.centre_of_mass[0])
+        info = self._setting.info(self._step, outcome.path_length[0], outcome.centre_of_mass[0], attached)
         self._step += 1
         truncated = self._step >= steps(self._setting.protocol)
         return self._observe(self._worlds), float(outcome.path_length[0]), False, truncated, info

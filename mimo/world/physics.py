@@ -16,6 +16,8 @@ from mimo.world import body
 from mimo.world.protocol import JOINTS
 from mimo.world.scene import Scene
 
+Tied = bool | np.ndarray  # whether the rope is on, in all worlds or, bool (N,), in each
+
 
 class DivergedError(Fault, RuntimeError):
     """A world's physics diverged; the message names the world."""
@@ -81,20 +83,20 @@ class Worlds:
         angles[:, body.FIXED :] = self._qpos[:, self.scene.limb_joints]
         return angles
 
-    def step(self, moved: np.ndarray, positive: np.ndarray, attached: bool) -> Outcome:
+    def step(self, moved: np.ndarray, positive: np.ndarray, attached: Tied) -> Outcome:
         """One agent step: full torque where a joint moves, for `torque_updates` updates, then rest (paper §2.2, §2.3).
 
         Args:
             moved: (N, 12) bool, MOVE or not, for body.ACTUATED.
             positive: (N, 12) bool, the torques' directions (fig. 1D).
-            attached: whether the rope is on.
+            attached: whether the rope is on, in all worlds or (N,) in each.
 
         Raises:
             DivergedError: a world's physics diverged.
         """
         return self._advance(self._control(moved, positive), attached)
 
-    def pieces(self, moved: np.ndarray, positive: np.ndarray, attached: bool, cuts: Sequence[int]) -> Iterator[Outcome]:
+    def pieces(self, moved: np.ndarray, positive: np.ndarray, attached: Tied, cuts: Sequence[int]) -> Iterator[Outcome]:
         """One agent step as `step` makes it, cut after so many updates: between pieces the worlds can be looked at.
 
         Args:
@@ -109,7 +111,7 @@ class Worlds:
         for piece in np.split(self._control(moved, positive), cuts, axis=1):
             yield self._advance(piece, attached)
 
-    def parts(self, moved: np.ndarray, positive: np.ndarray, attached: bool, count: int) -> Iterator[Outcome]:
+    def parts(self, moved: np.ndarray, positive: np.ndarray, attached: Tied, count: int) -> Iterator[Outcome]:
         """One agent step as `step` makes it, in `count` parts as even as whole updates are.
 
         Args:
@@ -142,9 +144,9 @@ class Worlds:
                 control[world, :, first : first + 3] = direction
         return control
 
-    def _advance(self, control: np.ndarray, attached: bool) -> Outcome:
+    def _advance(self, control: np.ndarray, attached: Tied) -> Outcome:
         """As many updates as `control` (N, updates, columns) holds."""
-        self._rope[:] = self.scene.rope_stiffness if attached else 0.0
+        self._rope[:] = np.where(attached, self.scene.rope_stiffness, 0.0).reshape(-1, 1)
         due = self._time + control.shape[1] * self._protocol.timestep
         record = self._batch.rollout(nstep=control.shape[1], control=control, control_spec=self._inputs)
         # Of positions, since MuJoCo's own centres of mass belong to those before the update.

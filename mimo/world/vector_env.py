@@ -107,9 +107,9 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             seen, infos = self._begin()
             return seen, np.zeros(self.num_envs), never, never.copy(), infos
         positive = np.stack([draw.random(JOINTS) for draw in self._generators.values()]) < 0.5
-        attached = self._setting.attached(self._step)
+        attached = np.array([self._setting.tied(self._step, draw) for draw in self._generators.values()])
         outcome = self._worlds.step(self._setting.moved(actions, self.num_envs), positive, attached)
-        infos = self._infos(outcome.path_length, outcome.centre_of_mass)
+        infos = self._infos(outcome.path_length, outcome.centre_of_mass, attached)
         self._step += 1
         truncated = np.full(self.num_envs, self._step == last)
         return self._observe(self._worlds), outcome.path_length, never, truncated, infos
@@ -126,13 +126,15 @@ class MIMoMobileVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         setting, self._step = self._setting, 0
         draws = list(self._generators.values())
         worlds = self._worlds = Worlds(setting.scene, setting.protocol, setting.force, draws, self._threads)
-        return self._observe(worlds), self._infos(np.zeros(self.num_envs), worlds.centre_of_mass)
+        return self._observe(worlds), self._infos(
+            np.zeros(self.num_envs), worlds.centre_of_mass, np.full(self.num_envs, setting.attached(0))
+        )
 
     def _observe(self, worlds: Worlds) -> Observation:
         return {"proprioception": worlds.proprioception(), "vision": self._eye.frames(worlds.qpos)}
 
-    def _infos(self, path_length: np.ndarray, centres: np.ndarray) -> dict[str, Any]:
+    def _infos(self, path_length: np.ndarray, centres: np.ndarray, attached: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for world in range(self.num_envs):
-            infos = self._add_info(infos, self._setting.info(self._step, path_length[world], centres[world]), world)
+        for world, own in enumerate(zip(path_length, centres, attached.tolist(), strict=True)):
+            infos = self._add_info(infos, self._setting.info(self._step, *own), world)
         return infos

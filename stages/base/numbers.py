@@ -5,10 +5,14 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mimo.record import artifact
 
 DIGITS = 6  # significant, in JSON and CSV
 MISSING = "–"
+PACKED = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"  # digits
+LEVELS = len(PACKED) ** 2 - 1
 
 
 def rounded(value: Any, digits: int = DIGITS) -> Any:
@@ -26,6 +30,17 @@ def write(found: dict[str, Any], path: Path, digits: int = DIGITS) -> None:
     """Publish `found` as JSON, rounded."""
     text = json.dumps(rounded(found, digits), indent=2, ensure_ascii=False, allow_nan=False)
     artifact.publish(f"{text}\n".encode(), path)
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """An array as `low`, `high` and `text`: its values in C order, in LEVELS equal steps from low to high.
+
+    A value is two base64 digits (PACKED): 0 stands for the least value, LEVELS for the greatest.
+    """
+    low, high = rounded([float(values.min()), float(values.max())])
+    levels = np.rint((values - low) / ((high - low) or 1) * LEVELS).clip(0, LEVELS).astype(int)
+    digits = np.frombuffer(PACKED.encode(), np.uint8)[np.stack([levels // 64, levels % 64], axis=-1)]
+    return {"low": low, "high": high, "text": digits.tobytes().decode()}
 
 
 def number(value: float | None, digits: int = 2) -> str:

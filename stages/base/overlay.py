@@ -12,7 +12,8 @@ FILES = {  # and the overrides, both relative to the project's top folder
     Path("params.yaml"): Path("params.preview.yaml"),
     studies.PATH: Path("studies/params.preview.yaml"),
 }
-REPLACED = {("effects", "alternatives"), ("sweeps", "variants")}  # sections of names that the overrides choose
+REPLACED = {("effects", "alternatives")}  # sections of names that the overrides choose
+EACH = "*"  # in a section of names: each that is there, but for what is given by name
 
 
 class OverlayError(Fault, ValueError):
@@ -74,6 +75,8 @@ def _merge(whole: dict[str, Any], overrides: Any, file: Path, above: tuple[str, 
     if not isinstance(overrides, dict):
         raise OverlayError(f"{FILES[file]}: {here} must be a section of keys and values, as in {file}.")
     merged = dict(whole)
+    if EACH in overrides:
+        overrides = dict.fromkeys(whole, overrides[EACH]) | {k: v for k, v in overrides.items() if k != EACH}
     for key, value in overrides.items():
         path = (*above, str(key))
         if key not in whole:

@@ -18,7 +18,6 @@ RUNS = Path("data/runs")
 RESULTS = Path("data/results.h5")
 VARIANT_MANIFESTS = Path("data/variant-manifests")
 VARIANTS = Path("data/variants")
-VARIANT_RESULTS = Path("data/variants.h5")
 TRIAL = Path("data/trial.h5")
 
 ARTIFACTS = Path("reports/artifacts.json")
@@ -36,7 +35,8 @@ REPORT = Path("reports/index.html")
 STUDIES = Path("reports/studies.html")
 STUDIES_ARTIFACTS = Path("reports/studies/artifacts.json")
 EFFECTS = Path("reports/studies/effects.json")
-VARIANT_CLAIMS = Path("reports/studies/variants.json")
+STUDIES_NUMBERS = Path("reports/studies")
+STUDIES_EXPLORE = Path("reports/studies/explore")
 
 WORK = Path(".work")  # the store of a clone, and the preview
 LOCK = WORK / "lock"  # of a folder, whatever store it uses
@@ -103,7 +103,7 @@ def _clone(folder: Path) -> Path:
 
 def made_by(path: Path) -> str:
     """The command that makes a file of data/ or reports/, as a sentence has it."""
-    own = path.as_posix().startswith(("data/variant", "reports/studies"))
+    own = path.as_posix().startswith(("data/variant", "data/studies", "reports/studies"))
     return "`dvc repro studies/dvc.yaml`" if own else "`dvc repro`"
 
 
@@ -113,11 +113,26 @@ def manifest(condition: str, reward: str) -> Path:
 
 
 def variant_manifest(variant: str) -> Path:
-    """The list of a variant's runs."""
+    """The list of the runs of a variant, which is named `study/variant`."""
     return VARIANT_MANIFESTS / f"{variant}.json"
 
 
+def variant_encoders(study: str) -> Path:
+    """The list of the encoders of a study's variants that are not the paper's."""
+    return VARIANT_MANIFESTS / study / "encoders.json"
+
+
+def variant_encoder(variant: str) -> Path:
+    """The encoder of a variant, if it is not the paper's."""
+    return VARIANTS / variant / "encoder.h5"
+
+
+def study(name: str) -> Path:
+    """The curves of a study's variants."""
+    return Path("data/studies") / f"{name}.h5"
+
+
 def run(condition: str, reward: str, seed: int, variant: str = "") -> Path:
-    """A published run, the paper's own or a variant's."""
+    """A published run, the paper's own or, of `study/variant`, a variant's."""
     top = VARIANTS / variant if variant else RUNS
     return top / condition / reward / f"seed-{seed:03d}.h5"

@@ -16,6 +16,13 @@ from mimo.record import identity
 from mimo.settings.params import Params
 from stages.base import paths, provenance
 
+# Constants that came after the registration that stands, and the value of each at which it changes nothing.
+LATER = {
+    "collect": {"draw": 0, "limbs": "own"},
+    "outcomes": {"action": "joint"},
+    "world": {"rope_holds": 1.0},
+    "rewards": {"surprise": {"weight": 1.0}},
+}
 CLAIMS = tuple(Path(f"mimo/science/{name}.py") for name in ("analysis", "judgement", "claims"))
 
 
@@ -23,14 +30,31 @@ def registered(p: Params) -> dict[str, Any]:
     """What there is to decide: the root seed, and digests of constants, claims and readings of the paper."""
     readings = paths.READINGS.read_text(encoding="utf-8")  # whatever line ends git gave it
     # But for the film and the sweep's chunk, which change no number that a claim is judged by.
-    constants = {name: getattr(p, name) for name in Params.model_fields if name not in ("film", "sweep")}
-    constants["sweep"] = p.sweep.model_dump(mode="json", exclude={"chunk"})
+    sections = [name for name in Params.model_fields if name not in ("seed", "film", "sweep")]
+    constants: dict[str, Any] = {name: getattr(p, name).model_dump(mode="json") for name in sections}
+    constants |= {"seed": p.seed, "sweep": p.sweep.model_dump(mode="json", exclude={"chunk"})}
+    parts = {part for reward in p.sweep.rewards for part in reward.split("_")}
+    constants["rewards"] = {
+        name: value
+        for name, value in constants["rewards"].items()
+        if name in parts or not isinstance(value, dict)  # of rewards that no claim is of
+    }
+    _drop(constants, LATER)
     return {
         "seed": p.seed,
         "params": str(identity.Digest(constants)),
         "claims": {path.as_posix(): identity.syntax(path) for path in CLAIMS},
         "readings": hashlib.sha256(readings.encode()).hexdigest(),
     }
+
+
+def _drop(values: dict[str, Any], neutral: Mapping[str, Any]) -> None:
+    """Take out of `values` what is as in `neutral`."""
+    for name, value in neutral.items():
+        if isinstance(value, dict):
+            _drop(values.get(name, {}), value)
+        elif values.get(name) == value:
+            del values[name]
 
 
 def standing(p: Params, runs: Iterable[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from stages.base import paths, provenance
 
 # Kinds of artifact, as their schemas call them.
 FRAME, ENCODER, REST, SCALE, EFFECT = "frame", "encoder", "rest", "scale", "effect"
-RUN, RESULTS, VARIANTS = "run", "results", "variants"
+RUN, RESULTS, STUDY = "run", "results", "study"
 
 
 def sight(held: artifact.Artifact) -> str:
@@ -63,12 +63,10 @@ def keep(schema: str, digest: str, data: bytes, machine: dict[str, Any] | None =
     artifact.publish(data, place(schema, digest))
 
 
-def publish(schema: str, digest: str, target: Path, make: Callable[[Path], object]) -> bool:
-    """Put the artifact at `target`, from the store if it is there, else by `make(path)`; True if it was made."""
+def publish(schema: str, digest: str, target: Path, make: Callable[[], bytes]) -> bool:
+    """Put the artifact at `target`, from the store or else as `make` gives its file; True if it was made."""
     made = not has(schema, digest)
-    path = place(schema, digest)
     if made:
-        make(path)
-        provenance.note(schema, digest)
-    artifact.copy(path, target)
+        keep(schema, digest, make())
+    artifact.copy(place(schema, digest), target)
     return made

@@ -13,10 +13,9 @@ from mimo.record import artifact, identity
 from mimo.settings import params, studies
 from mimo.settings.errors import Fault
 from mimo.settings.params import Params
-from stages import collect, effects, trial
-from stages import encoder as training
+from stages import effects, trial
 from stages.base import command, console, paths, store
-from stages.sweep import scales
+from stages.sweep import encoders, scales
 
 Inputs = Mapping[str, Any]
 
@@ -85,29 +84,40 @@ def _runs(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     parts = path.resolve().parts
     variants = {"": p} | _variants(p)
     if paths.VARIANTS.name in parts:
-        name = parts[len(parts) - 1 - parts[::-1].index(paths.VARIANTS.name) + 1]
+        place = len(parts) - parts[::-1].index(paths.VARIANTS.name)
+        name = "/".join(parts[place : place + 2])
         if name not in variants:
             raise console.StageError(f"{path} is of the variant {name!r}, which studies/params.yaml has no more.")
         variants = {name: variants[name]}
     elif not path.resolve().is_relative_to(paths.store().resolve()):
         variants = {"": p}
     for name, own in variants.items():
-        digest = scales.digest(own, sight)
-        place = store.place(store.SCALE, digest) if name else paths.SCALES
+        other = paths.variant_encoder(name)
+        eye = store.sight(artifact.read(other, store.ENCODER)) if name and other.exists() else sight
+        digest = scales.digest(own, eye)
+        scale = store.place(store.SCALE, digest) if name else paths.SCALES
         # A variant's scales may not have been measured here: then the file's are taken for right.
-        found = scales.read(place) if place.exists() else held.inputs["scales"]
+        found = scales.read(scale) if scale.exists() else held.inputs["scales"]
         cell = str(held.about["condition"]), str(held.about["reward"])
-        yield experiment.inputs(own, *cell, sight, found) | {"seed": int(held.about["seed"])}
+        # Whose mobile it was is the file's to say: a donor is a published run, and has inputs of its own.
+        donor = {"donor": held.inputs["donor"]} if "donor" in held.inputs else {}
+        yield experiment.inputs(own, *cell, eye, found) | {"seed": int(held.about["seed"])} | donor
 
 
 def _variants(p: Params) -> dict[str, Params]:
-    return {name: params.changed(p, variant.set) for name, variant in studies.load(p).sweeps.variants.items()}
+    return {
+        f"{study}/{name}": params.changed(p, variant.set)
+        for study, own in studies.load(p).studies.items()
+        for name, variant in own.variants.items()
+    }
 
 
 def _scales(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     sight = store.sight(artifact.read(paths.ENCODER, store.ENCODER))
-    for own in (p, *_variants(p).values()):
-        yield scales.digest(own, sight).inputs
+    for name, own in ({"": p} | _variants(p)).items():
+        other = paths.variant_encoder(name)
+        eye = store.sight(artifact.read(other, store.ENCODER)) if name and other.exists() else sight
+        yield scales.digest(own, eye).inputs
 
 
 def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
@@ -118,13 +128,24 @@ def _effects(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]
 
 
 def _frames(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
-    yield collect.made_from(p).inputs
+    for own in _seeing(p):
+        yield encoders.frames_digest(own).inputs
 
 
 def _encoders(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    yield training.made_from(p, frames).inputs
-    yield training.made_from(trial.settings(p), frames, measured=False).inputs
+    yield encoders.digest(p, frames).inputs
+    yield encoders.digest(trial.settings(p), frames, measured=False).inputs
+    for own in _seeing(p):
+        digest = encoders.frames_digest(own)
+        if (place := store.place(store.FRAME, digest)).exists():
+            yield encoders.digest(own, artifact.read(place, store.FRAME, digest)).inputs
+
+
+def _seeing(p: Params) -> Iterator[Params]:
+    """The published params, and those with which a variant's own encoder is made."""
+    for own in (p, *_variants(p).values()):
+        yield p.model_copy(update={"collect": own.collect})
 
 
 def _curves(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
@@ -132,9 +153,10 @@ def _curves(held: artifact.Artifact, path: Path, p: Params) -> Iterator[Inputs]:
     assert held.inputs is not None
     listed = held.inputs["runs"]
     nested = {"": listed} if held.schema == store.RESULTS else listed
+    above = "" if held.schema == store.RESULTS else f"{path.stem}/"
     found: dict[str, dict[str, str]] = {
         variant: {
-            name: artifact.content(place) if (place := paths.run(*cell(name), variant)).exists() else "missing"
+            name: artifact.content(place) if (place := paths.run(*cell(name), above + variant)).exists() else "missing"
             for name in runs
         }
         for variant, runs in nested.items()
@@ -155,7 +177,7 @@ TREE: dict[str, Callable[[artifact.Artifact, Path, Params], Iterator[Inputs]]] =
     store.FRAME: _frames,
     store.ENCODER: _encoders,
     store.RESULTS: _curves,
-    store.VARIANTS: _curves,
+    store.STUDY: _curves,
 }
 
 

@@ -30,13 +30,19 @@ def reproduce(asked: list[str], listed: Path, made: list[str]) -> int:
     """
     start = paths.provenance().stat().st_size if paths.provenance().exists() else 0
     before = _published(listed)
+    code = run(asked)
+    if code == 0:
+        print(f"{_compared(listed, before, start)}{_changed(made)}.")
+    return code
+
+
+def run(asked: list[str]) -> int:
+    """Run DVC, and say so if it did not finish; returns its exit code."""
     code = dvc.run(asked)
     if code:
         told = f"`{' '.join(['dvc', *asked])}` did not finish"
         print(f"{told}; what was finished is kept, and the same command goes on.", file=sys.stderr)
-        return code
-    print(f"{_compared(listed, before, start)}{_changed(made)}.")
-    return 0
+    return code
 
 
 def _published(listed: Path) -> str | None:

@@ -7,7 +7,6 @@ length. Says OK, or which artifact and which dataset differs first, and by how m
 import argparse
 import random
 import sys
-import tempfile
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -16,12 +15,10 @@ import numpy as np
 
 from mimo.record import artifact, identity
 from mimo.settings import params
-from mimo.vision import extractor
 from mimo.world import body
 from stages import catalogue, claims, trial
-from stages import encoder as training
 from stages.base import command, console, difference, paths, provenance, store
-from stages.sweep import crew, curves, sweep
+from stages.sweep import crew, curves, encoders, sweep
 from stages.sweep.schedule import Chunk, Run
 
 # Machines of another class need not give the same bytes: contacts amplify a last bit within some steps, and then
@@ -125,10 +122,7 @@ def _same_class() -> bool:
 def _trial() -> bytes:
     p = trial.settings(params.load())
     frames = artifact.read(paths.FRAMES, store.FRAME)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / paths.TRIAL.name
-        extractor.save(training.train(p, frames["frames"]), file, training.made_from(p, frames, measured=False), {})
-        return file.read_bytes()
+    return encoders.encoder(p, frames, measured=False)
 
 
 def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, workers: int | None) -> dict[Path, bytes]:
@@ -137,7 +131,7 @@ def _again(p: params.Params, chosen: list[Path], listed: catalogue.Published, wo
     Raises:
         console.StageError: the working tree's run is another one than the published, or computing it failed.
     """
-    job = sweep.Job(paths.ENCODER.read_bytes(), p.encoder.latent_sd, {"": sweep.grid(p)})
+    job = {"": sweep.grid(p)}
     wanted = {paths.run(run.condition, run.reward, run.seed): run for run in sweep.wanted(job)}
     todo = {}
     for path in chosen:

@@ -15,12 +15,13 @@ from mimo.learning.outcomes import taus
 from mimo.record import artifact, streams
 from mimo.settings import params
 from mimo.vision import collect, extractor
-from mimo.world import body
+from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 from mimo.world.scene import Scene
 
 CONDITION, ROPE = "noisy", True  # where rewards differ most, and there is an influence to find
+DRAWN = ("mtl", "rtl", "cais", "surprise")  # the paper's
 
 
 @dataclass(frozen=True)
@@ -64,18 +65,21 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
     own = frames[collect.REGIMES.index((CONDITION, ROPE))]
     chance = np.stack([_draws(p, world, own.shape[1]) for world in range(len(own))])
     moved, positive = chance[:, :, 0] < collect.resting_probability(p.agent), chance[:, :, 1] < 0.5
-    limb = moved[0, 1:, body.attached(p.protocol.limb)].sum(axis=0)
+    tied = collect.limbs(p)[0]
+    if tied != p.protocol.limb:
+        built = scene.build(p.world, p.protocol.model_copy(update={"limb": tied}))
+    limb = moved[0, 1:, body.attached(tied)].sum(axis=0)
     step = 1 + int(limb.argmax())  # the first has no frame before it
     trained = extractor.load(held)
     outcomes = untaught(p, trained, CONDITION, [streams.generator(p.seed, CONDITION, 0, "memory")])
-    perception = Perception(extractor.Extractor(p.encoder, trained), own[0, 0, :1], outcomes)
+    terms = rewards.parts("_".join(DRAWN), p.rewards)
+    perception = Perception(extractor.Extractor(p.encoder, trained), own[0, 0, :1], outcomes, terms)
     ends = [(world, end) for world in range(1, len(own)) for end in range(own.shape[1])]
     ends += [(0, end) for end in range(step)]
     resting = np.full((1, len(body.ACTUATED)), collect.resting_probability(p.agent), np.float32)
     for world, end in ends:
         perception.transition(moved[world, end : end + 1], np.zeros(1), own[world, end, 1:], resting)
     conditional, marginal = outcomes.conditional[0].copy(), outcomes.marginal[0].copy()
-    terms = rewards.parts("_".join(rewards.REWARDS), p.rewards)
     path, before_end = _path(p, built, moved[:1, : step + 1], positive[:1, : step + 1], rewards.frames(terms))
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum(keepdims=True)
     transition = perception.transition(moved[:1, step], length, own[0, step, 1:], resting, before_end)
@@ -94,7 +98,7 @@ def take(p: params.Params, held: artifact.Artifact, frames: np.ndarray, built: S
 
 def _draws(p: params.Params, world: int, steps: int) -> np.ndarray:
     """(steps, 2, 12): what mimo.vision.collect compares with P(MOVE), and with the chance of a positive direction."""
-    generator = streams.generator(p.seed, CONDITION, 2 * world + ROPE, "collect")
+    generator = streams.generator(p.seed, CONDITION, collect.stream(p, world, ROPE), "collect")
     return np.stack([generator.random((2, len(body.ACTUATED))) for _ in range(steps)])
 
 
@@ -110,7 +114,7 @@ def _path(
         positive: (1, steps, 12) bool, the torques' directions.
         pictures: how many the rewards need of a step.
     """
-    noise = streams.generator(p.seed, CONDITION, int(ROPE), "collect_noise")
+    noise = streams.generator(p.seed, CONDITION, collect.stream(p, 0, ROPE), "collect_noise")
     worlds = Worlds(built, p.protocol, getattr(p.conditions, CONDITION).force, [noise])
     for step in range(moved.shape[1] - 1):
         worlds.step(moved[:, step], positive[:, step], ROPE)

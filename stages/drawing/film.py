@@ -19,13 +19,12 @@ from fractions import Fraction
 import numpy as np
 from PIL import Image
 
-from mimo.learning.replay import replay
+from mimo.learning.replay import replay, tied
 from mimo.record import artifact
 from mimo.settings import params
 from mimo.vision import extractor
 from mimo.world import scene
 from mimo.world.eye import Eye
-from mimo.world.protocol import phase
 from stages.base import console, difference, provenance, workers
 from stages.drawing import sheet, video
 from stages.drawing.camera import Camera
@@ -96,14 +95,14 @@ class Painter:
 
     def __init__(self, p: params.Params, run: artifact.Artifact) -> None:
         built = scene.build(p.world, p.protocol)
-        self._protocol, self._sheet = p.protocol, Sheet(run, curves.phases(p), p.film.width)
+        self._p, self._run, self._sheet = p, run, Sheet(run, curves.phases(p), p.film.width)
         *_, width, height = self._sheet.pixels(sheet.VIEW)
         self._eye = Eye(built)
         self._camera = Camera(built, p.protocol.limb, self._sheet.colour, (height, width))
 
     def __call__(self, moment: Moment) -> np.ndarray:
         """(height, width, 3) uint8, the sheet of a moment."""
-        attached = phase(self._protocol, moment.step) == "attached"
+        attached = tied(self._p, self._run, moment.step)
         beside, within = self._camera.picture(moment.qpos, attached), self._eye.frames(moment.qpos[None])[0]
         return self._sheet.at(moment.step, moment.title, moment.new, beside, within)
 

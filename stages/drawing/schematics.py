@@ -71,7 +71,8 @@ def _loop(ax: Axes, p: params.Params) -> None:
     learning = f"Expected SARSA ($\\gamma$ = {p.agent.gamma:g})"
     policy = f"Boltzmann policy (temperature {p.agent.temperature:g})"
     box(ax, (135, bottom - 6), (88, 12), f"Agent, a step every {1000 * seconds:g} ms\n{learning}, {policy}", GROUND)
-    middle, half = (top + bottom) / 2, 3 + 2 * len(REWARDS)
+    paying = [reward for reward in REWARDS if reward in COLOURS]  # the paper's
+    middle, half = (top + bottom) / 2, 3 + 2 * len(paying)
     arrow(ax, (97, top), (97, bottom))
     note(ax, (98, middle), f"joint\nangles\n$s_t$ ({len(body.JOINTS)})", ha="left")
     arrow(ax, (121, top), (121, middle + 5))
@@ -85,7 +86,7 @@ def _loop(ax: Axes, p: params.Params) -> None:
     note(ax, (148, middle + half + 6), "mobile\n(MTL)", ha="right")
     box(ax, (149, middle), (20, 2 * half), "")
     note(ax, (149, middle + half - 3), "Reward", fontsize=7)
-    for row, reward in enumerate(REWARDS):
+    for row, reward in enumerate(paying):
         note(ax, (149, middle + half - 7.5 - 4 * row), summary.label(reward), color=COLOURS.get(reward, OTHER_COLOUR))
     arrow(ax, (149, middle - half), (149, bottom))
     note(ax, (150, middle - half - 6), f"$R_t$ ({JOINTS})", ha="left")

@@ -24,7 +24,7 @@ from mimo.world import body
 from stages.base import console, origin, paths
 from stages.base.numbers import number
 from stages.drawing.style import COLOURS, OTHER_COLOUR
-from stages.page import captions, verdicts
+from stages.page import captions, figured, studied, verdicts
 from stages.page.constants import Constant
 
 HTML = Path(__file__).with_name("html")
@@ -40,7 +40,12 @@ PAPER = (  # sections: each has a template of its name
     ("constants", "Constants"),
     ("origin", "Origin"),
 )
-STUDIES = (("decides", "What decides"), ("fair", "Is the question fair?"), ("constants", "Constants"))
+STUDIES = (  # sections: the studies' own come after the first
+    ("short", "In short"),
+    ("fair", "Is the question fair?"),
+    ("explore", "Explore"),
+    ("constants", "Constants"),
+)
 WINDOWS = {
     "baseline": "Baseline",
     "acquisition_early": "Early acquisition",
@@ -63,6 +68,27 @@ class Made:
     figures: list[captions.Shown]
     films: list[captions.Film]
     origins: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """What came of the studies, by name: reports/studies/NAME.json and reports/studies/explore/NAME.json, parsed."""
+
+    made: dict[str, dict[str, Any]]
+    explore: dict[str, dict[str, Any]]
+
+
+def gathered_studies(names: Iterable[str]) -> Beyond:
+    """What lies in reports/studies/ of the studies of these names; one that is not computed yet is left out.
+
+    Raises:
+        console.StageError: something is damaged.
+    """
+    made, explore = (
+        {name: read(top / f"{name}.json") for name in names if (top / f"{name}.json").exists()}
+        for top in (paths.STUDIES_NUMBERS, paths.STUDIES_EXPLORE)
+    )
+    return Beyond(made, explore)
 
 
 def gathered(p: params.Params) -> Made:
@@ -94,7 +120,6 @@ def index(
         readings: of the paper, as HTML.
         versions: of the locked environment.
     """
-    script = (HTML / "explore.js").read_text(encoding="utf-8")
     return _rendered(
         "index.html.j2",
         [(name, title) for name, title in PAPER if name != "film" or made.films],
@@ -113,7 +138,7 @@ def index(
                 for condition, rewards in made.metrics["conditions"].items()
                 for reward, found in rewards.items()
             ],
-            "explored": _explored(made.explore),
+            "explored": [_explored(made.explore, "", ("condition", "reward"))],
             "protocol": protocol,
             "joints": joints(),
             "fixed": body.JOINTS[: body.FIXED],
@@ -122,36 +147,49 @@ def index(
             "versions": versions,
             "windows": WINDOWS,
             "results": paths.RESULTS,
-            "script": script,
-            "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        },
+        }
+        | _script(),
     )
 
 
 def studies(
-    claims: dict[str, Any], variants: dict[str, Any], effects: dict[str, Any], constants: list[Constant]
+    beyond: settings.Studies, found: Beyond, claims: dict[str, Any], effects: dict[str, Any], constants: list[Constant]
 ) -> str:
     """The studies' page as HTML.
 
     Args:
+        beyond: studies/params.yaml.
+        found: what came of the studies; those that it lacks are named and left out.
         claims: reports/claims.json, which the variants are compared with.
-        variants: each variant of reports/studies/variants.json by name.
         effects: reports/studies/effects.json.
         constants: the lines of studies/params.yaml.
     """
+    shown = studied.studied(beyond.studies, found.made, claims)
+    first, *rest = STUDIES
+    explored = {
+        own.name: _explored(found.explore[own.name], own.study.title, ("variant", "condition", "reward"))
+        for own in shown
+        if found.explore.get(own.name, {}).get("cells")
+    }
+    sections = [
+        first,
+        *((f"study-{own.name}", own.study.title) for own in shown),
+        *(section for section in rest if section[0] != "explore" or explored),
+    ]
     return _rendered(
         "studies.html.j2",
-        STUDIES,
+        sections,
         {
             "judged": claims,
-            "published_seeds": max((test["n"] for test in verdicts.primary(claims["claims"])), default=0),
-            "variants": variants,
-            "compared": verdicts.compared(claims, variants),
+            "studied": {f"study-{own.name}": own for own in shown},
+            "missing": [study.title for name, study in beyond.studies.items() if name not in found.made],
+            "figures": {own.name: figured.figure(own) for own in shown},
             "effects": effects,
+            "explored": list(explored.values()),
             "constants": constants,
             "file": settings.PATH,
-            "script": "",
-        },
+        }
+        | _script(bool(explored)),
     )
 
 
@@ -166,6 +204,7 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
     )
     environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
+    environment.filters |= {"found": studied.effect, "listed": studied.listed, "state": studied.state}
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip, verdicts.refuted)}
     environment.globals["strip_width"] = verdicts.WIDTH
     style, level = (HTML / "style.css").read_text(encoding="utf-8"), f"{100 * values['judged']['level']:g}\u00a0%"
@@ -219,12 +258,19 @@ def spread(value: dict[str, float | None], digits: int = 2) -> str:
     return mean if value["sd"] is None else f"{mean} ± {number(value['sd'], digits)}"
 
 
-def _explored(explore: dict[str, Any]) -> dict[str, Any]:
-    """What the explorer's script reads: the curves, and how to name and colour them."""
-    conditions, rewards = (dict.fromkeys(name.split("/")[part] for name in explore["cells"]) for part in (0, 1))
+def _script(wanted: bool = True) -> dict[str, str]:
+    """The explorer's, and by what the browser knows it."""
+    script = (HTML / "explore.js").read_text(encoding="utf-8") if wanted else ""
+    return {"script": script, "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}
+
+
+def _explored(explore: dict[str, Any], title: str, parts: tuple[str, ...]) -> dict[str, Any]:
+    """What the explorer's script reads: the curves, what their names are made of, and how to name and colour them."""
+    rewards = dict.fromkeys(name.split("/")[-1] for name in explore["cells"])
     return explore | {
-        "conditions": list(conditions),
-        "rewards": {reward: summary.label(reward) for reward in rewards},
+        "title": title,
+        "parts": parts,
+        "labels": {reward: summary.label(reward) for reward in rewards},
         "colours": {reward: COLOURS.get(reward, OTHER_COLOUR) for reward in rewards},
     }
 

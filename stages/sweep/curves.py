@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mimo.learning.rewards import REWARDS
 from mimo.record import artifact
 from mimo.science import analysis, claims, judgement
 from mimo.settings.params import Params
@@ -24,7 +25,6 @@ UNITS = {  # of the curves whose datasets in a run do not say it
     "locked": "1",
     "displacement": "m",
 }
-PART_UNITS = {"mtl": "m", "rtl": "h", "cais": "h", "surprise": "h"}
 
 Cells = dict[tuple[str, str], dict[str, np.ndarray]]  # curves, (seed, step) by name, of each condition and reward
 
@@ -50,7 +50,7 @@ def about(p: Params, seeds: int) -> dict[str, str | int | float]:
 
 
 def read(
-    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: range, progress: console.Progress, variant: str = ""
 ) -> Stacked:
     """The curves of some cells, of the paper or of a variant, whose params `p` then is; else as in `runs`."""
     limbs = {limb: body.attached(limb) for limb in body.LIMB_JOINTS}
@@ -69,14 +69,14 @@ def read(
 
 
 def runs(
-    p: Params, pairs: Iterable[tuple[str, str]], seeds: int, progress: console.Progress, variant: str = ""
+    p: Params, pairs: Iterable[tuple[str, str]], seeds: range, progress: console.Progress, variant: str = ""
 ) -> Iterator[tuple[tuple[str, str], artifact.Artifact]]:
     """The runs of some cells, a cell's in the order of seeds, each with its condition and reward.
 
     Args:
         p: for the protocol, which all variants share.
         pairs: condition and reward of each cell.
-        seeds: how many there are of each.
+        seeds: of each.
         progress: counts runs.
         variant: empty for the paper's own.
 
@@ -87,7 +87,7 @@ def runs(
     pairs = list(pairs)
     listed = digests({paths.variant_manifest(variant)} if variant else {paths.manifest(*pair) for pair in pairs})
     steps = phases(p)["extinction"].stop
-    for pair, seed in itertools.product(pairs, range(seeds)):
+    for pair, seed in itertools.product(pairs, seeds):
         path = paths.run(*pair, seed, variant)
         run = artifact.read(path, store.RUN, listed.get(path))
         if len(run["reward"]) != steps:
@@ -163,5 +163,5 @@ def _unit(curve: str, run: artifact.Artifact) -> str:
     """From the run's own dataset, unless that knows none."""
     start, _, rest = curve.partition("/")
     if start == "part":
-        return PART_UNITS.get(rest.split("/")[0], "own units")
+        return REWARDS[rest.split("/")[0]].unit
     return UNITS[start] if start in UNITS else run.datasets[start].units

@@ -36,7 +36,7 @@ def rest_digest(p: Params, encoder_hash: str) -> identity.Digest:
 
 def _digest(p: Params, encoder_hash: str, own: dict[str, object], modules: Sequence[str]) -> identity.Digest:
     inputs = {
-        "params": {name: getattr(p, name).model_dump() for name in ("world", "calibrate")}
+        "params": {"world": p.world.model_dump(exclude={"rope_holds"}), "calibrate": p.calibrate.model_dump()}
         | {name: getattr(p.protocol, name) for name in protocol.STEP}
         | {name: getattr(p.encoder, name) for name in extractor.READ}
         | {
@@ -66,6 +66,7 @@ def record(
         "action": artifact.Dataset(found.action.astype(np.uint8), "1 = MOVE", "step, world, joint"),
         "path_length": artifact.Dataset(found.path_length, "m", "step, world"),
         "latent": artifact.Dataset(found.latent, "h", "world, picture, dimension"),
+        "proprioception": artifact.Dataset(found.proprioception, "rad", "step, world, joint"),
     }
     return artifact.to_bytes(store.REST, rest_digest(p, encoder_hash), datasets)
 
@@ -76,7 +77,8 @@ def measure(p: Params, trained: Trained, encoder_hash: str, held: artifact.Artif
     Raises:
         FloatingPointError: a reward does not vary, so that it has no scale.
     """
-    found = calibrate.scales(p, trained, resting.Rest(held["action"] > 0, held["path_length"], held["latent"]))
+    values = (held[name] for name in ("path_length", "latent", "proprioception"))
+    found = calibrate.scales(p, trained, resting.Rest(held["action"] > 0, *values))
     datasets = {name: artifact.Dataset(np.array(value), "own units", "") for name, value in found.items()}
     return artifact.to_bytes(store.SCALE, digest(p, encoder_hash), datasets)
 

@@ -1,12 +1,12 @@
 """Sweeps: which runs are missing, and their computation in chunks by a crew.
 
-A sweep is a grid of the paper's own runs, or one grid for each variant of the params.
+A sweep is a grid of the paper's own runs, or one grid for each variant of a study.
 """
 
 import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,28 +25,35 @@ SMALL = 500  # agent steps that this process computes sooner than Ray starts
 
 @dataclass(frozen=True)
 class Grid:
-    """Params, the reward scales that go with them, and which runs are wanted: `seeds` of each (condition, reward)."""
+    """Which runs are wanted, and all that they are made with.
+
+    Attributes:
+        params: theirs.
+        scales: of the rewards.
+        encoder: the encoder's file.
+        latent_sd: that the encoder was made with.
+        cells: conditions and rewards.
+        seeds: of each.
+        donors: of yoked infants, by condition and the infant's seed; else there are none.
+    """
 
     params: Params
     scales: Mapping[str, float]
-    cells: tuple[tuple[str, str], ...]
-    seeds: int
-
-
-@dataclass(frozen=True)
-class Job:
-    """All that chunks need besides their runs: the encoder's file, its `latent_sd`, a grid for each variant."""
-
     encoder: bytes
     latent_sd: float
-    grids: Mapping[str, Grid]
+    cells: tuple[tuple[str, str], ...]
+    seeds: range
+    donors: Mapping[tuple[str, int], experiment.Donor] = field(default_factory=dict)
+
+
+Job = Mapping[str, Grid]  # a grid for each variant; the paper's own runs are those of ""
 
 
 def grid(p: Params) -> Grid:
     """The paper's own runs."""
-    return Grid(
-        p, scales.read(paths.SCALES), tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds
-    )
+    cells = tuple(itertools.product(p.sweep.conditions, p.sweep.rewards))
+    file = paths.ENCODER.read_bytes()
+    return Grid(p, scales.read(paths.SCALES), file, p.encoder.latent_sd, cells, range(p.sweep.seeds))
 
 
 def trained(held: artifact.Artifact, latent_sd: float, p: Params) -> extractor.Trained:
@@ -78,20 +85,31 @@ def write_manifest(path: Path, listed: list[Run]) -> None:
 
 def wanted(job: Job) -> list[Run]:
     """All runs of the job, by variant, condition, reward and seed."""
-    encoder_hash = store.sight(artifact.from_bytes(job.encoder, store.ENCODER, source=paths.ENCODER))
+    sights = {file: seen(file) for file in {grid.encoder for grid in job.values()}}
     return [
         run
-        for variant, grid in job.grids.items()
+        for variant, grid in job.items()
         for condition, reward in grid.cells
-        for run in runs_of(job, encoder_hash, variant, condition, reward, range(grid.seeds))
+        for run in runs_of(grid, sights[grid.encoder], variant, condition, reward, grid.seeds)
     ]
 
 
-def runs_of(job: Job, encoder_hash: str, variant: str, condition: str, reward: str, seeds: Iterable[int]) -> list[Run]:
+def seen(file: bytes) -> str:
+    """What runs read of an encoder's file, as a hash."""
+    return store.sight(artifact.from_bytes(file, store.ENCODER, source=paths.ENCODER))
+
+
+def runs_of(
+    grid: Grid, encoder_hash: str, variant: str, condition: str, reward: str, seeds: Iterable[int]
+) -> list[Run]:
     """The runs of one cell, with the digests that the code on this machine gives them."""
-    grid = job.grids[variant]
     read = experiment.inputs(grid.params, condition, reward, encoder_hash, grid.scales)
-    return [Run(condition, reward, seed, identity.Digest({**read, "seed": seed}), variant) for seed in seeds]
+    found = []
+    for seed in seeds:
+        donor = grid.donors.get((condition, seed))
+        own = {**read, "seed": seed} | ({"donor": donor.content} if donor else {})
+        found.append(Run(condition, reward, seed, identity.Digest(own), variant))
+    return found
 
 
 def missing(listed: list[Run]) -> list[Run]:
@@ -150,13 +168,14 @@ def drive(job: Job, schedule: Schedule, team: crew.Crew, tally: "Tally") -> list
 def work(job: Job, chunk: Chunk, report: crew.Report) -> list[bytes]:
     """Train a chunk; returns the finished files."""
     first = chunk.runs[0]
-    grid, condition, reward = job.grids[first.variant], first.condition, first.reward
-    held = artifact.from_bytes(job.encoder, store.ENCODER)
+    grid, condition, reward = job[first.variant], first.condition, first.reward
+    held = artifact.from_bytes(grid.encoder, store.ENCODER)
     seeds = [run.seed for run in chunk.runs]
-    if runs_of(job, store.sight(held), first.variant, condition, reward, seeds) != list(chunk.runs):
+    if runs_of(grid, store.sight(held), first.variant, condition, reward, seeds) != list(chunk.runs):
         raise console.StageError("the code or the libraries changed after the sweep began; run it again")
-    sight = trained(held, job.latent_sd, grid.params)
-    done = experiment.Experiment(grid.params, condition, reward, seeds, sight, grid.scales).run(report)
+    sight = trained(held, grid.latent_sd, grid.params)
+    donors = [grid.donors[condition, seed] for seed in seeds] if grid.donors else []
+    done = experiment.Experiment(grid.params, condition, reward, seeds, sight, grid.scales, donors).run(report)
     about = {"condition": condition, "reward": reward, "limb": grid.params.protocol.limb}
     return [
         artifact.to_bytes(store.RUN, run.digest, record, about | {"seed": run.seed})
@@ -229,7 +248,7 @@ class Tally:
 
 def _steps(job: Job, run: Run) -> int:
     """Agent steps of a run."""
-    return protocol.steps(job.grids[run.variant].params.protocol)
+    return protocol.steps(job[run.variant].params.protocol)
 
 
 def _reason(chunk: Chunk, fault: Exception) -> str:

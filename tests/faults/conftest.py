@@ -15,7 +15,7 @@ from stages.commands import preview
 from tests import once
 from tests.faults import harness
 from tests.faults.harness import Repro
-from tests.pipeline.project import edit, repro
+from tests.pipeline.project import edit, repro, study
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +40,7 @@ TINY = {
     "collect.steps": 6,
     "effects.steps": 40,
     "effects.alternatives": {},
-    "sweeps.variants": {"same": {"asks": "?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}},
+    "studies": {"own": study({"same": {"set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}}})},
 }
 
 Kept = dict[str, tuple[int, int]]

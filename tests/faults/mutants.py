@@ -21,7 +21,8 @@ Keys = tuple[str | int, ...]
 Made = tuple[bytes, tuple[str, ...]]  # the file, words that a refusal must have
 
 ROOT = Path(__file__).parents[2]
-NAMED = (("variants",), ("alternatives",))  # sections of free names
+NAMED = (("studies",), ("variants",), ("alternatives",))  # sections of free names
+TEXTS = ("title", "asks", "expects", "limits")
 EXTREMES = (0, -1, 1, 1e-300, 1e300, float("nan"), float("inf"), -float("inf"), 10**12, -(10**12), 10**400, 1e-9, 1e9)
 WRONG: tuple[Any, ...] = (None, True, "text", "1e-3", "0.3", [], {}, [[1]], {"a": 1}, 3, 1.5, [1, 2], "")
 
@@ -47,13 +48,22 @@ class Shipped:
         held = {place: at(self.whole, place) for place in self.places}
         self.numbers = [place for place, value in held.items() if type(value) in (int, float)]
         self.lists = [place for place, value in held.items() if isinstance(value, list)]
-        self.words = [place for place, value in held.items() if isinstance(value, str) and place[-1] != "asks"]
-        self.known = [place for place in self.places if isinstance(place[-1], str) and place[-2:-1] not in NAMED]
+        self.words = [place for place, value in held.items() if isinstance(value, str) and place[-1] not in TEXTS]
+        self.known = [
+            place
+            for place in self.places
+            if isinstance(place[-1], str) and place[-2:-1] not in NAMED and not self._on_axis(place)
+        ]
         self.lines = [i for i, line in enumerate(self.text.splitlines()) if re.match(r" *\w+:(?!( #.*)?$)", line)]
         self.scalars = [match.span(1) for match in re.finditer(r"^ *\w+: ([\w.-]+)(?: #|$)", self.text, re.MULTILINE)]
 
     def __repr__(self) -> str:
         return str(self.path)
+
+    def _on_axis(self, place: Keys) -> bool:
+        """Whether a study's axis is this key: misspelt, the axis is what is missed."""
+        study = at(self.whole, place[:2]) if place[0] == "studies" and len(place) > 2 else {}
+        return study.get("axis") == place[-1]
 
     def put(self, place: Keys, value: Any) -> dict[str, Any]:
         """The values, with another at a place."""

@@ -43,12 +43,16 @@ def load(file: Shipped, path: Path) -> tuple[Params, Studies]:
 def changed(p: Params, asked: Studies) -> Iterator[Params]:
     """The settings that a mutant makes others of: its own, and those of the variants and alternatives it touches."""
     yield p
-    for name, variant in asked.sweeps.variants.items():
-        if name not in ASKED.sweeps.variants or variant.set != ASKED.sweeps.variants[name].set:
-            yield params.changed(p, variant.set)
+    shipped = sets(ASKED)
+    yield from (params.changed(p, values) for values in sets(asked) if values not in shipped)
     for values in asked.effects.alternatives.values():
         if values not in ASKED.effects.alternatives.values():
             yield params.changed(p, values)
+
+
+def sets(asked: Studies) -> list[dict[str, object]]:
+    """What the variants of all studies change."""
+    return [variant.set for study in asked.studies.values() for variant in study.variants.values()]
 
 
 def refusal(file: Shipped, target: Path, data: bytes) -> list[str]:
@@ -132,6 +136,5 @@ def test_what_is_published_runs(small: bool, run: Run, tmp_path: Path) -> None:
     folder = tmp_path if small else ROOT
     p = params.load(folder / PARAMS.path)
     asked = studies.load(p, folder / STUDIES.path)
-    sets = [variant.set for variant in asked.sweeps.variants.values()]
-    for values in ({}, *sets, *asked.effects.alternatives.values()):
+    for values in ({}, *sets(asked), *asked.effects.alternatives.values()):
         run(params.changed(p, values))

@@ -49,8 +49,9 @@ def test_effects_that_could_not_be_computed_are_refused(changes: dict[str, objec
 
 
 def test_more_seeds_than_files_can_be_numbered_are_refused() -> None:
-    with pytest.raises(ParamsError, match=r"^sweeps\.seeds must"):
-        params.checked(STUDIES, {"sweeps": STUDIES.sweeps.model_dump() | {"seeds": 1001}})
+    noise = STUDIES.studies["noise"]
+    with pytest.raises(ParamsError, match=r"^studies\.noise\.seeds must"):
+        params.checked(STUDIES, {"studies": {"noise": noise.model_dump() | {"seeds": 1001}}})
 
 
 # The ends of every range.
@@ -65,6 +66,11 @@ REACHING = (
     "outcomes",
     "rewards",
     "rewards.rtl",
+    "rewards.kl",
+    "rewards.mmd",
+    "rewards.rnd",
+    "rewards.progress",
+    "rewards.cai",
 )  # sections a run reads
 WITH: dict[tuple[str, float], dict[str, Any]] = {  # what an end needs to fit the other values
     ("protocol.updates_per_step", 1): {"protocol.torque_updates": 1, "protocol.updates_per_step": 2,

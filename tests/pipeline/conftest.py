@@ -3,21 +3,26 @@
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from stages.commands import preview
 from tests import once
-from tests.pipeline.project import done, edit
+from tests.pipeline.project import done, edit, study
 
 ROOT = Path(__file__).parents[2]
 GAIN = yaml.safe_load((ROOT / "params.yaml").read_text())["rewards"]["gain"]
 CELLS = [f"{condition}-{reward}" for condition in ("free", "noisy") for reward in ("mtl", "cais")]
-VARIANTS = {  # the first changes nothing, the second no scale, the third scales too
-    "same": {"asks": "?", "set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
-    "greedy": {"asks": "?", "set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
-    "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
+VARIANTS: dict[str, dict[str, Any]] = {  # the first changes nothing, the second no scale, the third scales too
+    "same": {"set": {"rewards.gain": GAIN}, "cells": {"free": ["mtl"]}},
+    "greedy": {"set": {"rewards.gain": 7 * GAIN}, "cells": {"free": ["cais"]}},
+    "heavy": {"set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
+}
+STUDIES = {  # the second's encoder is its own
+    "own": study(VARIANTS),
+    "drawn": study({"draw1": {"set": {"collect.draw": 1}, "cells": {"free": ["mtl"]}}}),
 }
 DVC_CONFIG = (
     "[core]\n    analytics = false\n    check_update = false\n    remote = lab\n['remote \"lab\"']\n    url = {}\n"
@@ -47,7 +52,7 @@ def _publish(top: Path) -> str:
         ("collect.steps", 6),
         ("effects.steps", 40),
         ("effects.alternatives", {}),
-        ("sweeps.variants", VARIANTS),
+        ("studies", STUDIES),
     )
     (project / ".dvc/config").write_text(DVC_CONFIG.format(top / "remote"))
     (project / ".dvc/.gitignore").write_text("/config.local\n/tmp\n/cache\n")

@@ -67,6 +67,12 @@ def edit(project: Path, *changes: tuple[str, Any]) -> None:
         file.write_text(yaml.safe_dump(whole, sort_keys=False))
 
 
+def study(variants: dict[str, Any]) -> dict[str, Any]:
+    """A study of some variants, which have cells of their own, one seed each."""
+    words = dict.fromkeys(("title", "asks", "expects", "limits"), "?")
+    return {**words, "seeds": 1, "measures": ["lead"], "cells": {"free": ["mtl"]}, "variants": variants}
+
+
 def ran(output: str) -> set[str]:
     """The stages that DVC says it ran, those of studies/dvc.yaml as `studies:<name>`."""
     return {name.replace("/dvc.yaml", "") for name in re.findall(r"Running stage '([^']+)'", output)}

@@ -35,8 +35,9 @@ def read(top: Path, name: str) -> Found:
     new = _kept(project) - (_kept(top / quick.BASE) if name != quick.BASE else set())
     p = yaml.safe_load((project / "params.yaml").read_text())
     cells = [f"{c}-{r}" for c, r in itertools.product(p["sweep"]["conditions"], p["sweep"]["rewards"])]
-    variants = yaml.safe_load((project / PATH).read_text())["sweeps"]["variants"]
-    groups = {"runs@": cells, "studies:variants@": list(variants), "film@": p["sweep"]["conditions"]}
+    studies = list(yaml.safe_load((project / PATH).read_text())["studies"])
+    groups = {"runs@": cells, "film@": p["sweep"]["conditions"]}
+    groups |= {f"studies:{stage}@": studies for stage in ("vary", "variants", "compare")}
     stages = ran("\n".join(said))
     for group, members in groups.items():
         own = {stage for stage in stages if stage.startswith(group)}
@@ -54,12 +55,14 @@ def _made(project: Path, new: set[Path]) -> set[str]:
     single = {
         artifact.read(project / path, schema).digest: name
         for name, path, schema in (
-            ("encoder", paths.ENCODER, "encoder"),
-            ("trial", paths.TRIAL, "encoder"),
+            ("frames", paths.FRAMES, store.FRAME),
+            ("encoder", paths.ENCODER, store.ENCODER),
+            ("trial", paths.TRIAL, store.ENCODER),
             ("scales", paths.SCALES, store.SCALE),
         )
     }
-    others = {"frames": "frames", "rests": "resting policy", "effects": "effects", "scales": "variants' scales"}
+    others = {"rests": "resting policy", "effects": "effects"}
+    others |= {f"{kind}s": f"variants' {kind}s" for kind in (store.FRAME, store.ENCODER, store.SCALE)}
     return {single.get(path.stem) or others[path.parent.name] for path in new if path.parent.name != "runs"}
 
 
@@ -68,7 +71,8 @@ def _computed(project: Path, new: set[Path], cells: list[str]) -> set[str]:
     listed = {
         run["digest"]: run
         for folder in (paths.VARIANT_MANIFESTS, paths.MANIFESTS)
-        for path in (project / folder).glob("*.json")
+        for path in (project / folder).rglob("*.json")
+        if path.name != paths.variant_encoders("").name
         for run in json.loads(path.read_text())
     }
     runs = [listed[path.stem] for path in new if path.parent.name == "runs"]

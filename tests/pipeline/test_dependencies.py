@@ -16,10 +16,10 @@ import yaml
 from mimo.settings import params
 from mimo.settings.params import Params
 from mimo.settings.section import Section
-from mimo.settings.studies import VARIED, Studies
+from mimo.settings.studies import VARIED, Studies, Study
 from stages.base import overlay, paths
 from stages.commands import preview
-from tests.pipeline.project import edit
+from tests.pipeline.project import edit, study
 from tests.pipeline.test_sections import TINY, TRIAL
 
 ROOT = Path(__file__).parents[2]
@@ -88,14 +88,19 @@ def test_no_dependency_or_output_lies_in_the_work_folder() -> None:
             assert not str(entry if isinstance(entry, str) else next(iter(entry))).startswith(".work")
 
 
-SPEED = {"sweep.chunk"}  # read, but of no effect on any byte
+SPEED = {"sweep.chunk", "studies.*.title"}  # read, but of no effect on any byte
 SWEEPS = {"studies:effects", "train", "studies:vary"}  # these take --serial
+SEEN = {"free": ["cais_surprise"], "noisy": ["mtl"]}
+STUDY = "studies.*"  # where a study is, whichever
 
 
 def leaves(kind: Any, above: str = "") -> set[str]:
     """Dotted keys of all values of a file of settings; lists, variants and alternatives are each one value."""
     found = set()
     for name, field in kind.model_fields.items():
+        if f"{above}{name}" == "studies":
+            found |= leaves(Study, f"{STUDY}.")
+            continue
         section = isinstance(field.annotation, type) and issubclass(field.annotation, Section)
         found |= leaves(field.annotation, f"{above}{name}.") if section else {f"{above}{name}"}
     return found
@@ -118,8 +123,15 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> set[str]:
         value = object.__getattribute__(section, name)
         itself, where = (section, "") if type(section) in (Params, Studies) else known.get(id(section), (None, ""))
         reader = sys._getframe(1).f_globals["__name__"]
+        if type(section) is Studies and name == "studies":
+            known.update({id(own): (own, STUDY) for own in value.values()})
+            return value
         if itself is not section or reader.startswith("mimo.settings."):  # a variant, say, is part of a value
             pass
+        elif type(section) is Study and name == "pairs":
+            read.update({f"{STUDY}.cells", f"{STUDY}.variants"})
+        elif type(section) is Study and name == "numbers":
+            read.update({f"{STUDY}.seeds", f"{STUDY}.variants"})
         elif name.startswith("model_dump"):
             read.update(below(where) if where else leaves(type(section)))
         elif name in type(section).model_fields:
@@ -139,9 +151,10 @@ def run(name: str) -> None:
     module, *given = STAGES[name]["cmd"].split()[2:]
     main = importlib.import_module(module).main
     conditions = params.Conditions.model_fields if name == "film" else ()
-    matrix = name != "film" and given and "$" in given[0]
+    matrix = name == "runs"
     cells = conditions or (sorted(Path(given[0]).parent.glob("*.json")) if matrix else [])
-    for arguments in [[str(cell)] for cell in cells] or [[*given, *(["--serial"] if name in SWEEPS else [])]]:
+    each = [[str(cell)] for cell in cells] or [[part.replace("${key}", "own") for part in given]]
+    for arguments in [[*one, *(["--serial"] if name in SWEEPS else [])] for one in each]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "argv", [module, *arguments])
             main()
@@ -164,10 +177,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
         ("effects.alternatives", {"slack": {"world.rope_slack": 0.01}}),
         ("sweep.rewards", ["mtl", "cais_surprise"]),
         ("film.run", "cais_surprise/seed-000"),
-        (
-            "sweeps.variants",
-            {"same": {"asks": "?", "set": same, "cells": {"free": ["cais_surprise"], "noisy": ["mtl"]}}},
-        ),
+        ("studies", {"own": study({"same": {"set": same, "cells": SEEN}, "other": {"set": {"collect.draw": 1}}})}),
     )
     (project / overlay.FILES[paths.PARAMS]).write_text(TRIAL)
     found = {}
@@ -189,12 +199,18 @@ def test_params_are_the_sections_that_the_script_reads(name: str, read: dict[str
     for given in stage.get("params", []):
         for file, sections in given.items() if isinstance(given, dict) else [("params.yaml", [given])]:
             kind = Studies if file.startswith("studies/") else Params
-            assert set(sections) <= set(kind.model_fields), f"{file} has no such section"
-            declared.update(sections)
+            named = {key.replace("${key}", "*") for key in sections}
+            assert named <= {part(leaf) for leaf in leaves(kind)}, f"{file} has no such section"
+            declared |= named
     if "params.yaml" in stage["deps"]:
         assert not declared, "the whole file is a dependency already"
         return
-    assert {key.split(".")[0] for key in read[name] - SPEED} == declared
+    assert {part(key) for key in read[name] - SPEED} == declared
+
+
+def part(key: str) -> str:
+    """What a stage names of a value's key: its section, or the key itself of a study."""
+    return key if key.startswith(STUDY) else key.partition(".")[0]
 
 
 @pytest.mark.parametrize("file", PIPELINES.values())

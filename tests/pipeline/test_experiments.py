@@ -83,8 +83,8 @@ def test_after_a_partial_pull_the_advice_costs_the_runs_alone(clone: Path) -> No
     assert failed.returncode != 0
     advice = "dvc repro --single-item --force train runs"
     assert (
-        "The store lacks 1 of 1 runs of data/manifests/free-mtl.json; get them by `make fetch` or `dvc repro --pull "
-        f"dvc.yaml`, or compute them, and nothing else that is missing, by `{advice}`."
+        "The store lacks 1 of 1 artifacts of data/manifests/free-mtl.json; get them by `make fetch` or "
+        f"`dvc repro --pull dvc.yaml`, or compute them, and nothing else that is missing, by `{advice}`."
     ) in failed.stderr
     assert ran(done(clone, *advice.split())) == {"train", *(f"runs@{cell}" for cell in CELLS)}
     assert len(list((clone / paths.RUNS).rglob("*.h5"))) == 4

@@ -72,6 +72,11 @@ def test_code_is_copied_results_are_not_and_the_project_stays_as_it_was(project,
     assert "remote" not in (small / ".dvc" / "config").read_text()
 
 
+def laid(whole, over):
+    """Keys of `over` in place of those of `whole`, section by section."""
+    return whole | {key: laid(whole[key], own) if isinstance(own, dict) else own for key, own in over.items()}
+
+
 def test_params_are_the_projects_with_the_overrides_laid_over_them(project, tmp_path):
     preview.prepare(project, tmp_path / "small")
     for file, beside in overlay.FILES.items():
@@ -79,7 +84,11 @@ def test_params_are_the_projects_with_the_overrides_laid_over_them(project, tmp_
             yaml.safe_load(path.read_text()) for path in (project / file, tmp_path / "small" / file, project / beside)
         )
         for name, value in whole.items():
-            assert small[name] == (value | overrides[name] if name in overrides else value)
+            own = overrides.get(name, {})
+            if overlay.EACH in own:
+                each = own.pop(overlay.EACH)
+                own = {key: laid(value[key], own.get(key, each)) for key in value}
+            assert small[name] == (value | own if own else value)
     studies.load(params.load(tmp_path / "small/params.yaml"), tmp_path / "small" / studies.PATH)
 
 
@@ -167,5 +176,6 @@ def test_the_command_prepares_the_real_project(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, f"Prepared {small}.\n", "")
     assert (small / "mimo" / "settings" / "params.py").is_file()
     p = params.load(small / "params.yaml")
-    assert (p.sweep.seeds, studies.load(p, small / studies.PATH).sweeps.seeds) == (1, 1)
+    assert p.sweep.seeds == 1
+    assert {study.seeds for study in studies.load(p, small / studies.PATH).studies.values()} == {1}
     assert not (small / "dvc.lock").exists()

@@ -35,7 +35,7 @@ def test_a_fresh_clone_recomputes_everything_to_the_same_bytes(clone: Path) -> N
     )
     said = python(clone, "stages.commands.studies")
     assert said.stdout.splitlines()[-1] == (
-        "4 artifacts, 3 of them recomputed; 4 equal the 4 published; dvc.lock and reports are the same bytes."
+        "7 artifacts, 6 of them recomputed; 7 equal the 7 published; dvc.lock and reports are the same bytes."
     )
     assert done(clone, "git", "status", "--porcelain") == ""
     again = python(clone, "stages.commands.paper").stdout.splitlines()[-1]
@@ -162,10 +162,11 @@ def test_an_artifact_knows_its_inputs_and_which_of_them_changed(project: Path) -
     for expected in ("  params.agent.gamma: 0.1", "  condition: noisy", "  seed: 0", "  params.condition.force: 40.0"):
         assert expected in lines
     assert any(line.startswith("  code.mimo.learning.agent: ") for line in lines)
-    for other in ("encoder", "trial", "frames", "scales", "results", "variants"):
+    own = ("studies/own", "studies/drawn", "variants/drawn/draw1/encoder", "variants/drawn/draw1/free/mtl/seed-000")
+    for other in ("encoder", "trial", "frames", "scales", "results", *own):
         said = python(project, "stages.commands.identify", f"data/{other}.h5")
         assert said.stdout.endswith("It matches the working tree.\n"), other
-    variant = paths.run("free", "cais", 0, "greedy")
+    variant = paths.run("free", "cais", 0, "own/greedy")
     assert f"  params.rewards.gain: {7 * GAIN}\n" in python(project, "stages.commands.identify", str(variant)).stdout
 
     edit(project, ("agent.gamma", 0.2))

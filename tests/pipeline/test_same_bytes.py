@@ -63,8 +63,8 @@ def test_workers_order_and_chunks_change_no_byte(
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))  # for Ray's workers
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     cells = (("free", "rtl"), ("noisy", "cais"), ("free", "surprise"))
-    grid = sweep.Grid(tiny, {**scales, "surprise": 1e-320}, cells, SEEDS)
-    job = sweep.Job(encoder_file, tiny.encoder.latent_sd, {"": grid})
+    wrong = {**scales, "surprise": 1e-320}
+    job = {"": sweep.Grid(tiny, wrong, encoder_file, tiny.encoder.latent_sd, cells, range(SEEDS))}
     runs = sweep.wanted(job)
     found: dict[str, tuple[dict[str, bytes], list[str]]] = {}
     for name, (workers, size, order) in CASES.items():

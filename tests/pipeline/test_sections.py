@@ -21,14 +21,15 @@ from mimo.settings.studies import Studies
 from stages.base import overlay, paths
 from stages.commands import preview
 from tests.pipeline import quick, reruns
-from tests.pipeline.project import edit, python
+from tests.pipeline.project import edit, python, study
 
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "docs/what-reruns.md"
 WRITE = "python -m tests.pipeline.test_sections"
-VARIANTS = {
-    "eager": {"asks": "?", "set": {"rewards.gain": 2.0}, "cells": {"free": ["cais"]}},
-    "heavy": {"asks": "?", "set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}},
+STUDIES = {
+    "gain": study({"eager": {"set": {"rewards.gain": 2.0}, "cells": {"free": ["cais"]}}}),
+    "mass": study({"heavy": {"set": {"world.mobile_mass": 1.5}, "cells": {"noisy": ["mtl"]}}}),
+    "draw": study({"other": {"set": {"collect.draw": 1}, "cells": {"free": ["mtl"]}}}),
 }
 TINY = {
     "protocol.baseline_steps": 2,
@@ -42,36 +43,38 @@ TINY = {
     "effects.steps": 40,
     "effects.alternatives": {},
     "sweep.rewards": ["mtl", "cais"],
-    "sweeps.variants": VARIANTS,
+    "studies": STUDIES,
 }
 TRIAL = "encoder: {iterations: 1}\n"  # in place of params.preview.yaml, which the stage `trial` reads
 
-# Stages in the order of dvc.yaml and studies/dvc.yaml, those of a matrix by patterns.
+# Stages in the order of dvc.yaml and studies/dvc.yaml, those of cells and studies by patterns.
 STAGES = [
     "collect", "encoder", "trial", "calibrate", "train", "runs@*", "analyse", "claims", "explore", "figures", "film@*",
-    "catalogue", "report", "studies:effects", "studies:vary", "studies:variants@*", "studies:compare",
+    "catalogue", "report", "studies:effects", "studies:vary@*", "studies:variants@*", "studies:compare@*",
     "studies:catalogue", "studies:page",
 ]  # fmt: skip
 ALL = frozenset(STAGES)
 PAGES = frozenset({"report", "studies:page"})
 OF_RUNS = PAGES | {"train", "runs@*", "analyse", "claims", "explore", "figures", "film@*", "catalogue"}
 OF_VARIANTS = frozenset({
-    "studies:vary", "studies:variants@*", "studies:compare", "studies:catalogue", "studies:page"
+    "studies:vary@*", "studies:variants@*", "studies:compare@*", "studies:catalogue", "studies:page"
 })  # fmt: skip
-OF_CAIS = OF_RUNS - {"runs@*"} | OF_VARIANTS - {"studies:variants@*"} | {"runs@*-cais", "studies:variants@eager"}
+OF_CAIS = OF_RUNS - {"runs@*"} | OF_VARIANTS - {"studies:variants@*"} | {"runs@*-cais", "studies:variants@gain"}
+AFTER = frozenset({"studies:vary@*", "studies:compare@*"})  # of the paper's runs, and of its results
 SETTLED = OF_RUNS | OF_VARIANTS
 OTHERS = frozenset({"collect", "calibrate", "studies:effects"})  # which read more of a section
-OF_SCIENCE = PAGES | {"analyse", "claims", "explore", "figures", "film@*", "studies:compare"}
+OF_SCIENCE = PAGES | {"analyse", "claims", "explore", "figures", "film@*", "studies:compare@*"}
 OF_VISION = ALL - {
-    "runs@*", "analyse", "claims", "explore", "catalogue", "report", "studies:variants@*", "studies:compare",
-    "studies:catalogue", "studies:page",
+    "runs@*", "analyse", "claims", "explore", "catalogue", "report", "studies:variants@*", "studies:catalogue",
+    "studies:page",
 }  # fmt: skip
 # What is computed before any run, and the runs: the sweep's by patterns, a variant's after its name.
+FRAMES = frozenset({"frames", "variants' frames"})
 SCALES = frozenset({"scales", "variants' scales"})
 REST = "resting policy"
-BEFORE = SCALES | {"frames", "encoder", "trial", "effects", REST}
-EAGER, HEAVY = "eager: free-cais", "heavy: noisy-mtl"
-RUNS = frozenset({"*", EAGER, HEAVY})
+BEFORE = FRAMES | SCALES | {"encoder", "variants' encoders", "trial", "effects", REST}
+EAGER, HEAVY, OTHER = "gain/eager: free-cais", "mass/heavy: noisy-mtl", "draw/other: free-mtl"
+RUNS = frozenset({"*", EAGER, HEAVY, OTHER})
 NONE: Set[str] = frozenset()
 COMMENT = "a comment"
 
@@ -95,39 +98,62 @@ class Edit:
         return self.key.replace("/", ".")
 
 
+def of_study(name: str) -> Set[str]:
+    """What a study's own settings run."""
+    return {
+        *(f"studies:{stage}@{name}" for stage in ("vary", "variants", "compare")),
+        "studies:catalogue",
+        "studies:page",
+    }
+
+
 EDITS = (
     Edit("seed", 1, ALL, BEFORE, RUNS),
     Edit("protocol.attached_steps", 3, SETTLED | OTHERS, NONE, RUNS),
     # The encoder has seen both conditions, so each decides all runs.
     Edit("conditions.noisy.force", 20.0, ALL, BEFORE, RUNS),
     Edit("world.mobile_mass", 0.05, ALL, BEFORE, RUNS),
-    Edit("collect.held_out", 0.4, ALL, BEFORE - {"frames"}, RUNS),
-    Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - {"frames"}, RUNS),
+    Edit("collect.held_out", 0.4, ALL, BEFORE - FRAMES, RUNS),
+    Edit("encoder.latent_sd", 0.2, ALL - {"collect"}, BEFORE - FRAMES, RUNS),
     Edit("agent.gamma", 0.2, SETTLED | OTHERS, NONE, RUNS),
     Edit("outcomes.quantiles", 5, OF_CAIS | {"calibrate", "studies:effects"}, SCALES | {"effects"}, {"*-cais", EAGER}),
     Edit("calibrate.steps", 5, SETTLED | {"calibrate"}, SCALES | {REST}, RUNS),
     Edit("rewards.cais.pays", "taken", OF_CAIS | {"calibrate"}, SCALES, {"*-cais", EAGER}),
-    Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"}),
-    Edit("sweep.rewards", ["mtl", "cais", "rtl"], OF_RUNS - {"runs@*", "film@*"} | {"runs@*-rtl"}, NONE, {"*-rtl"}),
-    Edit("sweep.seeds", 2, OF_RUNS - {"film@*"}, NONE, {"*, seed 1"}),
+    Edit("sweep.conditions", ["free"], OF_RUNS - {"runs@*", "film@*"} | AFTER),
+    Edit(
+        "sweep.rewards",
+        ["mtl", "cais", "rtl"],
+        OF_RUNS - {"runs@*", "film@*"} | AFTER | {"runs@*-rtl"},
+        NONE,
+        {"*-rtl"},
+    ),
+    Edit("sweep.seeds", 2, OF_RUNS - {"film@*"} | AFTER, NONE, {"*, seed 1"}),
     Edit("sweep.chunk", 2, {"train", "analyse", "claims", "explore"} | PAGES),
     Edit("film.steps", 2, {"film@*"} | PAGES),
     Edit("effects.steps", 41, {"studies:effects", "studies:page"}, {"effects"}),
     Edit(
-        "sweeps.variants.eager.set",
+        "studies.gain.variants.eager.set",
         {"rewards.gain": 3.0},
-        OF_VARIANTS - {"studies:variants@*"} | {"studies:variants@eager"},
+        of_study("gain"),
         NONE,
         {EAGER},
     ),
     Edit(
-        "sweeps.variants.heavy.set",
+        "studies.mass.variants.heavy.set",
         {"world.mobile_mass": 2.0},
-        OF_VARIANTS - {"studies:variants@*"} | {"studies:variants@heavy"},
+        of_study("mass"),
         {"variants' scales", REST},
         {HEAVY},
     ),
-    Edit("sweeps.variants.eager.asks", "!", {"studies:vary", "studies:compare", "studies:page"}),
+    Edit(
+        "studies.draw.variants.other.set",
+        {"collect.draw": 2},
+        of_study("draw"),
+        {"variants' frames", "variants' encoders", "variants' scales", REST},
+        {OTHER},
+    ),
+    Edit("studies.gain.measures", ["limb"], {"studies:compare@gain", "studies:page"}),
+    Edit("studies.gain.asks", "!", {"studies:page"}),
     Edit("mimo/vision/encoder.py", COMMENT, OF_VISION),
     Edit("mimo/science/claims.py", COMMENT, OF_SCIENCE),
     Edit("stages/drawing/style.py", COMMENT, {"figures", "film@*"} | PAGES),
@@ -192,18 +218,20 @@ run (`dvc repro --all-pipelines`; `dvc repro` alone runs the paper's). A stage d
 rooms of the code, so it often runs without need. That costs seconds, since a stage that runs need not compute: what it
 finds in the run store, under the digest of all that it depends on, it takes from there. The last two columns have what
 it does not find: frames, encoder, `trial` (which `make verify` repeats), effects, the record of the resting policy that
-scales are measured on, scales, variants' scales; and runs.
+scales are measured on, scales, and what variants have of their own of these; and runs.
 
-The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and two variants: `eager` has another
-`rewards.gain` in the cell free-cais, `heavy` another `world.mobile_mass` in noisy-mtl. tests/pipeline/test_sections.py
-makes each edit and holds its row to what then happens; `{write}` writes this file.
+The table is of a tiny sweep: free and noisy, MTL and CAIS, one seed each, and three studies of one variant each:
+`gain/eager` has another `rewards.gain` in the cell free-cais, `mass/heavy` another `world.mobile_mass` in noisy-mtl,
+`draw/other` an encoder of its own in free-mtl. tests/pipeline/test_sections.py makes each edit and holds its row to
+what then happens; `{write}` writes this file.
 
 | edited | stages that run | computed, runs apart | runs computed |
 |---|---|---|---|
 {rows}
 
 `runs@*` stands for all cells of the sweep, `runs@*-cais` for those with CAIS; likewise `*` and `*-cais` for runs.
-`film@*` stands for both conditions; the films are of CAIS, seed 0. `studies:` begins the stages of studies/dvc.yaml.
+`film@*` stands for both conditions; the films are of CAIS, seed 0. `studies:` begins the stages of studies/dvc.yaml, of
+which `vary@*`, `variants@*` and `compare@*` stand for all studies'.
 Every edit of params.yaml runs `report` and `studies:page`, which print all of it or say what it is. A value set back
 comes from DVC's cache, and nothing is computed.
 """

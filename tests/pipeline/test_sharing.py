@@ -66,14 +66,16 @@ def test_what_one_lab_computes_the_other_gets(project: Path, clone: Path, tmp_pa
     assert refused.stderr.splitlines()[-1].startswith("dvc.lock does not fit the files here")
     said = repro(clone)
     assert {name for name in ran(said) if "@" in name} == {
-        "runs@free-cais", "runs@noisy-cais", "studies:variants@greedy", "film@free", "film@noisy",
+        "runs@free-cais", "runs@noisy-cais", "studies:vary@own", "studies:vary@drawn", "studies:variants@own",
+        "studies:compare@own", "studies:compare@drawn", "film@free", "film@noisy",
     }  # fmt: skip
     assert "4 runs, 2 of them in the store." in said  # those came with data/
     assert "3 runs, 2 of them in the store." in said
+    assert "1 runs, 1 of them in the store." in said
     after = digests(clone, "data/runs", "data/variants")
     assert {name for name in after if after[name] != before[name]} == {
         *(f"data/runs/{condition}/cais/seed-000.h5" for condition in ("free", "noisy")),
-        "data/variants/greedy/free/cais/seed-000.h5",
+        "data/variants/own/greedy/free/cais/seed-000.h5",
     }
     done(clone, "git", "commit", "-qam", "CAIS pays for the action taken")
     share(clone, "push")

@@ -2,9 +2,12 @@
 
 import json
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 
 from mimo.record import artifact
@@ -21,9 +24,31 @@ SEEDS = 2
 LENGTHS = {"baseline_steps": 20, "attached_steps": 40, "extinction_steps": 20}
 STEPS = sum(LENGTHS.values())
 MEASURES = {f"r2_{condition}_{axis}": 0.987654321 for condition in ("free", "noisy") for axis in "xyz"} | {"cltt": 0.2}
-VARIANTS = {
-    "gain_1": {"asks": "does it?", "set": {"rewards.gain": 1.0}, "cells": {"free": ["mtl"]}},
-    "heavy": {"asks": "does mass?", "set": {"world.mobile_mass": 0.3}, "cells": {"noisy": ["mtl"]}},
+STUDIES: dict[str, dict[str, Any]] = {
+    "constants": {
+        "title": "Constants",
+        "asks": "Which constant decides?",
+        "expects": "None does.",
+        "limits": "One at a time.",
+        "seeds": SEEDS,
+        "measures": ["lead", "burst", "locked"],
+        "cells": {"free": ["mtl"]},
+        "variants": {
+            "gain_1": {"asks": "does it?", "set": {"rewards.gain": 1.0}},
+            "heavy": {"asks": "does mass?", "set": {"world.mobile_mass": 0.3}, "cells": {"noisy": ["mtl"]}},
+        },
+    },
+    "noise": {
+        "title": "Noise",
+        "asks": "How much is too much?",
+        "expects": "Little.",
+        "limits": "Two doses.",
+        "seeds": SEEDS,
+        "measures": ["lead"],
+        "axis": "conditions.noisy.force",
+        "cells": {"noisy": ["cais"]},
+        "variants": {f"n{force:.0f}": {"set": {"conditions.noisy.force": force}} for force in (10.0, 20.0)},
+    },
 }
 SIZES = {"attached": [0.8, -0.004, 0.25], "others": 0.05}
 JOINTS = {"mtl": SIZES, "rtl": SIZES, "latent": {"attached": [0.03, 0.02, 0.04], "others": 0.01, "ratio": 3.0}}
@@ -52,7 +77,7 @@ def make(tiny: params.Params, frames: np.ndarray, trained: extractor.Trained) ->
     settings |= {"collect": tiny.collect.model_dump(), "encoder": tiny.encoder.model_dump(mode="json")}
     paths.PARAMS.write_text(yaml.safe_dump(settings))
     asked = yaml.safe_load((ROOT / studies.PATH).read_text())
-    asked["sweeps"] = {"seeds": SEEDS, "variants": VARIANTS}
+    asked["studies"] = STUDIES
     studies.PATH.parent.mkdir()
     studies.PATH.write_text(yaml.safe_dump(asked))
     shutil.copy(ROOT / report.LOCK, report.LOCK)
@@ -62,18 +87,32 @@ def make(tiny: params.Params, frames: np.ndarray, trained: extractor.Trained) ->
         for reward in settings["sweep"]["rewards"]:
             for seed in range(SEEDS):
                 fabricate(condition, reward, seed)
-            list_runs(condition, reward, paths.manifest(condition, reward))
-    for variant, condition in (("gain_1", "free"), ("heavy", "noisy")):
-        list_runs(condition, "mtl", paths.variant_manifest(variant), variant)
-        shutil.copytree(paths.RUNS / condition / "mtl", paths.VARIANTS / variant / condition / "mtl")
+            list_runs([(condition, reward)], paths.manifest(condition, reward))
+    found = studies.Studies.model_validate(asked).studies
+    for name, study in found.items():
+        for variant in study.variants:
+            own = f"{name}/{variant}"
+            for condition, reward in study.pairs(variant):
+                shutil.copytree(paths.RUNS / condition / reward, paths.VARIANTS / own / condition / reward)
+            list_runs(study.pairs(variant), paths.variant_manifest(own), own)
     extractor.save(trained, paths.ENCODER, "trained by a test", MEASURES)
     held = {"frames": Dataset(frames, "1", "regime, world, step, frame, row, column, colour")}
     artifact.write(paths.FRAMES, store.FRAME, "collected by a test", held)
     scale = {"mtl": Dataset(np.array(0.008), "m", "")}
     artifact.write(paths.SCALES, store.SCALE, "fabricated by a test", scale)
     numbers.write(EFFECTS, paths.EFFECTS)
-    for stage in (analyse, explore, claims, compare, figures, report, beyond):
+    for stage in (analyse, explore, claims, figures, report):
         stage.main()
+    for name in found:
+        compared(name)
+    beyond.main()
+
+
+def compared(study: str) -> None:
+    """Stage compare, of a study."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["compare", study])
+        compare.main()
 
 
 def fabricate(condition: str, reward: str, seed: int) -> None:
@@ -99,12 +138,12 @@ def fabricate(condition: str, reward: str, seed: int) -> None:
     artifact.write(paths.run(condition, reward, seed), store.RUN, digest, datasets)
 
 
-def list_runs(condition: str, reward: str, manifest: Path, variant: str = "") -> None:
-    """A cell's manifest, as stages.train and stages.vary write it."""
+def list_runs(cells: Iterable[tuple[str, str]], manifest: Path, variant: str = "") -> None:
+    """A manifest, as stages.train and stages.vary write it."""
     runs = [
         {"variant": variant, "condition": condition, "reward": reward, "seed": seed,
          "digest": f"{condition}, {reward}, {seed}: fabricated by a test"}
-        for seed in range(SEEDS)
+        for condition, reward in cells for seed in range(SEEDS)
     ]  # fmt: skip
     manifest.parent.mkdir(parents=True, exist_ok=True)
     manifest.write_text(json.dumps(runs), encoding="utf-8")

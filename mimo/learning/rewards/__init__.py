@@ -6,7 +6,7 @@ To add one, put a file here with a subclass of Reward: params.yaml then accepts 
 
 import importlib
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -48,17 +48,20 @@ class RewardError(Fault, RuntimeError):
     """A reward gave something that is none; the message names it."""
 
 
-def parts(name: str, settings: Section) -> list[Reward]:
+def parts(
+    name: str, settings: Section, draws: Callable[[str], Sequence[np.random.Generator]] = lambda reward: ()
+) -> list[Reward]:
     """The rewards that `name` adds up, in its order: `mtl_surprise` is MTL and Surprise.
 
     Args:
         name: of one reward, or of several joined by `_`.
         settings: the section `rewards` of params.yaml.
+        draws: a generator for each seed, by reward's name; for rewards that learn.
 
     Raises:
         UnknownRewardError: a part is no reward's name.
     """
-    return [kind(getattr(settings, kind.name) if kind.Constants else None) for kind in _kinds(name)]
+    return [kind(getattr(settings, kind.name) if kind.Constants else None, draws(kind.name)) for kind in _kinds(name)]
 
 
 def paid(terms: Iterable[Reward], t: Transition) -> list[np.ndarray]:

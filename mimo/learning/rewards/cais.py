@@ -13,6 +13,7 @@ class CAIS(Reward):
     """W1 between p(h|a) and p(h) (paper eq. causality_continuous), in units of h."""
 
     name = "cais"
+    unit = "h"
     needs_outcomes = True
 
     class Constants(Section):

@@ -9,6 +9,7 @@ class MTL(Reward):
     """Metres the mobile travelled, the same for all joints."""
 
     name = "mtl"
+    unit = "m"
 
     def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,6 +23,10 @@ class Transition:
         action: (N, 12) bool, True where the joint moved.
         influence: (N, 12, 2), W1 between p(h|a) and p(h) for NO_TORQUE and MOVE; None without outcome models.
         expectation: (N, 12, latent), E[h|a] of each joint's action; None without outcome models.
+        tables: (N, 25, quantiles, latent), the outcome models as they were before the step: row 2 * joint + action is
+            p(h|a), the last p(h); None where no reward needs them.
+        proprioception: (N, 47), joint angles at the step's start, rad; None where they are not known.
+        probability: (N, 12), P(MOVE) by which the action was decided; None where it is not known.
     """
 
     path_length: np.ndarray
@@ -29,6 +34,9 @@ class Transition:
     action: np.ndarray
     influence: np.ndarray | None = None
     expectation: np.ndarray | None = None
+    tables: np.ndarray | None = None
+    proprioception: np.ndarray | None = None
+    probability: np.ndarray | None = None
 
     @property
     def latent_before(self) -> np.ndarray:
@@ -44,14 +52,20 @@ class Transition:
 class Reward:
     """A reward for each joint, in units of its own; the section `rewards` of params.yaml scales it.
 
+    One object serves N seeds through a run, step by step, and may learn as it goes: what it draws comes from `draws`.
+
     Attributes:
         name: as in params.yaml; no `_`, which joins names.
+        unit: of what it gives.
         needs_outcomes: whether the transition must hold `influence` and `expectation`.
+        needs_tables: whether it must hold `tables`, too.
         Constants: the reward's section in params.yaml, `rewards.<name>`; None if it has none.
     """
 
     name: ClassVar[str]
+    unit: ClassVar[str] = "own units"
     needs_outcomes: ClassVar[bool] = False
+    needs_tables: ClassVar[bool] = False
     Constants: ClassVar[type[Section] | None] = None
 
     def __init_subclass__(cls) -> None:
@@ -64,9 +78,14 @@ class Reward:
             raise ValueError(f"{cls.__name__}.name is {cls.name!r}, which means something else in `rewards`.")
         REWARDS[cls.name] = cls
 
-    def __init__(self, constants: Any) -> None:
-        """Keep the reward's own section, or None."""
-        self.constants = constants
+    def __init__(self, constants: Any, draws: Sequence[np.random.Generator] = ()) -> None:
+        """Keep the reward's own section, or None, and a generator for each seed."""
+        self.constants, self.draws = constants, draws
+
+    @property
+    def weight(self) -> float:
+        """Times which it is paid, beside the gain that all rewards share."""
+        return 1.0
 
     @property
     def frames(self) -> int:

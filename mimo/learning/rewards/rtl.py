@@ -16,6 +16,7 @@ class RTL(Reward):
     """
 
     name = "rtl"
+    unit = "h"
 
     class Constants(Section):
         """How many pictures of a step count, evenly in time; the last is at its end."""

@@ -1,4 +1,4 @@
-// The explorer of reports/index.html: each run's curves, joint by joint, from the data that the page holds.
+// The explorer of both pages: each run's curves, by joint or group of joints, from the data that the page holds.
 "use strict";
 (() => {
   const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -9,11 +9,14 @@
   ];
   const SIZE = { plot: 120, left: 52, right: 10, top: 34, bottom: 24 }; // pixels; phases' names are above the first panel
 
-  const data = JSON.parse(document.getElementById("explored").textContent);
+  const all = [...document.querySelectorAll("script.explored")].map((block) => JSON.parse(block.textContent));
   const form = document.getElementById("explorer");
+  const choices = form.querySelector(".choices");
   const panels = document.getElementById("panels");
   const reading = document.getElementById("reading");
-  const last = Math.max(...Object.values(data.phases).map(([, stop]) => stop));
+  const PREFERRED = { condition: "noisy", reward: "cais" }; // where there is such a cell
+  let data = all[0]; // of the study that is shown; the paper's page has one
+  let last = 0; // step
   let shown = []; // of each panel: its series and scales, as drawn
   let width = 0; // of the panels, as drawn
 
@@ -35,12 +38,63 @@
     return values.length > 1 ? Math.sqrt(values.reduce((sum, each) => sum + (each - centre) ** 2, 0) / (values.length - 1)) : 0;
   }
 
+  // What can be chosen: of a study its cells, part by part of their names.
+
+  /** The value of a select that has these options, [value, text]: what it had, if that is among them, else `preferred`. */
+  function select(name, title, options, preferred) {
+    let made = form.elements[name];
+    if (!made) {
+      made = Object.assign(document.createElement("select"), { name });
+      const label = document.createElement("label");
+      label.append(`${title} `, made);
+      choices.append(label);
+    }
+    const values = options.map(([each]) => each);
+    if (values.join() !== [...made.options].map((option) => option.value).join()) {
+      const chosen = [made.value, preferred, values[0]].find((each) => values.includes(each));
+      made.replaceChildren(...options.map(([each, text]) => new Option(text, each, each === chosen, each === chosen)));
+    }
+    return made.value;
+  }
+
+  /** Selects that lead to a cell that there is; what was chosen stays where it can. */
+  function offer() {
+    if (all.length > 1) select("study", "Study", all.map(({ title }, place) => [String(place), title]));
+    let above = "";
+    for (const part of data.parts) {
+      const names = Object.keys(data.cells).filter((name) => name.startsWith(above));
+      const values = [...new Set(names.map((name) => name.slice(above.length).split("/")[0]))];
+      const title = part[0].toUpperCase() + part.slice(1);
+      above += `${select(part, title, values.map((each) => [each, data.labels[each] || each]), PREFERRED[part])}/`;
+    }
+    if (data.joints.length > 2) {
+      const joints = data.joints.map((name, joint) => [String(joint), name.replaceAll("_", " ") + (data.attached[joint] ? ", attached" : "")]);
+      select("joint", "Joint", [["groups", "attached limb and others"], ...joints]);
+    }
+  }
+
+  /** What a study's data decide besides: seeds, steps. */
+  function open() {
+    data = all[Number(form.elements.study?.value || 0)];
+    last = Math.max(...Object.values(data.phases).map(([, stop]) => stop));
+    form.querySelector(".seeds").replaceChildren(...Array.from({ length: data.seeds }, (_, seed) => {
+      const label = document.createElement("label");
+      label.innerHTML = `<input type="checkbox" name="seed" value="${seed}" checked> ${(data.first || 0) + seed} `;
+      return label;
+    }));
+    form.step.max = data.steps.length - 1;
+    form.step.value = data.steps.filter((step) => step <= data.phases.attached[1]).length - 1;
+  }
+
   // What is chosen.
+
+  const cell = () => data.parts.map((part) => form.elements[part].value).join("/");
 
   function groups() {
     const every = data.joints.map((_, joint) => joint);
-    if (form.joint.value !== "groups") {
-      const joint = Number(form.joint.value);
+    const chosen = form.elements.joint?.value || "groups";
+    if (chosen !== "groups") {
+      const joint = Number(chosen);
       return [{ name: data.joints[joint].replace("_", " "), joints: [joint], dashed: !data.attached[joint] }];
     }
     return [
@@ -153,8 +207,8 @@
     panels.replaceChildren();
     shown = [];
     if (seeds().length) {
-      const packed = data.cells[`${form.condition.value}/${form.reward.value}`];
-      shown = PANELS.map((each, index) => panel(each, index, packed, data.colours[form.reward.value]));
+      const colour = data.colours[form.elements.reward.value];
+      shown = PANELS.map((each, index) => panel(each, index, data.cells[cell()], colour));
     }
     read();
   }
@@ -190,7 +244,11 @@
     read();
   }
 
-  form.addEventListener("change", (event) => { if (event.target !== form.step) draw(); });
+  form.addEventListener("change", ({ target }) => {
+    if (target.name === "study") open();
+    if (target.tagName === "SELECT") offer();
+    if (target !== form.step) draw();
+  });
   form.step.addEventListener("input", read);
   form.addEventListener("submit", (event) => event.preventDefault());
   for (const name of ["all", "none"]) {
@@ -201,6 +259,8 @@
   }
   panels.addEventListener("pointermove", point);
   panels.addEventListener("pointerdown", point);
+  open();
+  offer();
   form.hidden = false;
   new ResizeObserver(() => { if (panels.clientWidth !== width) draw(); }).observe(panels);
 })();

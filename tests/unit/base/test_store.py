@@ -18,18 +18,22 @@ def _away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Maker:
-    """Writes an artifact and counts how often it was asked to."""
+    """Gives an artifact's file and counts how often it was asked to."""
 
     def __init__(self, digest: str = ONE) -> None:
         self.digest, self.calls = digest, 0
 
-    def __call__(self, path: Path) -> None:
+    def __call__(self) -> bytes:
         self.calls += 1
-        write(path, self.digest)
+        return artifact.to_bytes(store.SCALE, self.digest, datasets())
+
+
+def datasets() -> dict[str, artifact.Dataset]:
+    return {"mtl": artifact.Dataset(np.arange(1000) / 7, "m", "reward")}
 
 
 def write(path: Path, digest: str = ONE, schema: str = store.SCALE) -> None:
-    artifact.write(path, schema, digest, {"mtl": artifact.Dataset(np.arange(1000) / 7, "m", "reward")})
+    artifact.write(path, schema, digest, datasets())
 
 
 def damage(path: Path) -> None:
@@ -127,7 +131,7 @@ def test_what_fails_leaves_the_target_as_it_was() -> None:
     store.publish(store.SCALE, ONE, TARGET, Maker())
     before = TARGET.read_bytes()
 
-    def fail(path: Path) -> None:
+    def fail() -> bytes:
         raise FloatingPointError("flat")
 
     with pytest.raises(FloatingPointError, match="flat"):

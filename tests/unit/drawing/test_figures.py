@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from mimo.learning.rewards import REWARDS
 from mimo.record import artifact
+from mimo.science import summary
 from mimo.settings import params
 from mimo.vision import collect, extractor
 from mimo.world import body, scene
@@ -106,6 +108,10 @@ def test_the_numbers_of_figure_1_follow_params_and_scene(tiny: params.Params, mo
         assert text in said, text
     assert any("17 N (noisy)" in text for text in said)
     assert any("= 0.25)" in text for text in said)
+    paid = {"MTL", "RTL", "CAIS", "Surprise"}
+    known = {summary.label(reward) for reward in REWARDS}
+    assert paid < known
+    assert known & set(said) == paid
     bold = {text.get_text() for text in figure.axes[0].texts if text.get_fontweight() == "bold"}
     assert bold & set(body.ACTUATED) == set(body.LIMB_JOINTS["right_hand"])
 

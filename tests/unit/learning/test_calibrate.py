@@ -38,11 +38,11 @@ def test_a_record_is_the_same_again(rest: Rest, measured: dict[str, float], tiny
     told: list[int] = []
     again = resting.record(tiny, trained, told.append)
     assert told == [2, 4, 6, 8, 10, 12]
-    shapes = {"action": (6, 2, 12), "path_length": (6, 2), "latent": (2, 7, 64)}
+    shapes = {"action": (6, 2, 12), "path_length": (6, 2), "latent": (2, 7, 64), "proprioception": (6, 2, 47)}
     for name, shape in shapes.items():
         assert getattr(rest, name).shape == shape
         assert getattr(rest, name).tobytes() == getattr(again, name).tobytes()
-    assert rest.latent.dtype == rest.path_length.dtype == np.float32
+    assert rest.latent.dtype == rest.path_length.dtype == rest.proprioception.dtype == np.float32
     assert rest.action.dtype == bool
     assert calibrate.scales(tiny, trained, again) == measured
 
@@ -78,7 +78,24 @@ def test_scales_are_standard_deviations_over_the_second_half(
     assert measured["rtl"] == pytest.approx(rtl, rel=1e-5)
 
 
-@pytest.mark.parametrize("changes", [{}, {"outcomes.marginal": "policy"}, {"rewards.rtl.frames": 4}], ids=str)
+def test_how_much_is_paid_changes_no_scale(
+    measured: dict[str, float], tiny: Params, trained: Trained, rest: Rest
+) -> None:
+    paid = params.changed(tiny, {"rewards.surprise.weight": 0.5, "rewards.gain": 2.0})
+    assert calibrate.scales(paid, trained, rest) == measured
+
+
+def test_the_rope_holds_while_scales_are_measured(tiny: Params, trained: Trained, rest: Rest) -> None:
+    again = resting.record(params.changed(tiny, {"world.rope_holds": 0.0}), trained)
+    for name in ("action", "path_length", "latent", "proprioception"):
+        assert getattr(again, name).tobytes() == getattr(rest, name).tobytes()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"outcomes.marginal": "policy"}, {"outcomes.action": "limb"}, {"rewards.rtl.frames": 4}],
+    ids=str,
+)
 def test_cais_and_surprise_are_of_outcome_models_that_learn_as_they_go(
     changes: dict[str, object], tiny: Params, trained: Trained
 ) -> None:

@@ -209,7 +209,8 @@ def test_a_mobile_that_the_rope_never_moves_is_refused(tiny: Params, asked: Effe
 @pytest.fixture
 def project(tiny: Params, asked: Effects, encoder_file: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files of settings and an encoder."""
-    small = studies.load(params.load()).model_copy(update={"effects": asked})
+    whole = studies.load(params.load())
+    small = whole.model_copy(update={"effects": asked, "studies": {"noise": whole.studies["noise"]}})
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["effects", "--serial"])
     paths.PARAMS.write_text(yaml.safe_dump(tiny.model_dump()))

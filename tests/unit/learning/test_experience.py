@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from mimo.learning import rewards
 from mimo.learning.experience import Experience, initial_quantiles, untaught
 from mimo.learning.outcomes import Outcomes
 from mimo.learning.rewards import Transition
@@ -123,7 +124,8 @@ def test_more_pictures_of_a_step_are_what_is_seen_on_the_way(
 ) -> None:
     extract = Extractor(tiny.encoder, trained)
     whole = Experience(new_worlds(tiny, built), eye, extract)
-    parts = Experience(new_worlds(tiny, built), eye, extract, frames=4)
+    four = params.changed(tiny, {"rewards.rtl.frames": 4}).rewards
+    parts = Experience(new_worlds(tiny, built), eye, extract, terms=rewards.parts("mtl_rtl", four))
     worlds = new_worlds(tiny, built)
     for moved, positive, attached in actions():
         (one, seen), (other, more) = (e.step(moved, positive, attached) for e in (whole, parts))

@@ -17,7 +17,7 @@ from mimo.settings.params import Params
 from mimo.vision.extractor import Extractor, Trained
 from mimo.world import scene
 from mimo.world.eye import Eye
-from mimo.world.physics import DivergedError, Worlds
+from mimo.world.physics import DivergedError, Tied, Worlds
 from mimo.world.protocol import MOVE
 from tests.unit.learning.recorded import ALL, ATTACHED, STEPS, Records, Runs, arrays
 
@@ -60,10 +60,10 @@ def test_progress_counts_steps(tiny: Params, trained: Trained, scales: dict[str,
 def test_the_rope_is_on_in_the_attached_phase_alone(
     tiny: Params, trained: Trained, scales: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[bool] = []
+    told: list[Tied] = []
     advance = Worlds._advance
 
-    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Any:
+    def spy(self: Worlds, control: np.ndarray, attached: Tied) -> Any:
         told.append(attached)
         return advance(self, control, attached)
 
@@ -99,6 +99,31 @@ def test_the_reward_is_gain_over_scale_of_its_parts(
         assert record["reward"].std() > 0
 
 
+@pytest.mark.parametrize("reward", ["surprise", "rtl_surprise"])
+def test_surprise_is_paid_times_its_weight(
+    reward: str, runs: Runs, tiny: Params, trained: Trained, scales: dict[str, float]
+) -> None:
+    half = params.changed(tiny, {"rewards.surprise.weight": 0.5})
+    shares = {"rtl": 1.0, "surprise": 0.5}
+    for ours, record in zip(
+        runs("noisy", reward, 0, 1), Experiment(half, "noisy", reward, [0, 1], trained, scales).run(), strict=True
+    ):
+        found = arrays(record)
+        total = sum(
+            0.3 * shares[part] / scales[part] * found[f"part/{part}"].astype(float) for part in reward.split("_")
+        )
+        assert found["reward"] == pytest.approx(total, rel=1e-6)
+        assert (found["part/surprise"][0] == ours["part/surprise"][0]).all()  # what it is, is in its own units
+        if reward == "surprise":
+            assert found["reward"][0] == pytest.approx(0.5 * ours["reward"][0].astype(float), rel=1e-6)
+        assert (found["q"][2] != ours["q"][2]).any()
+    running = params.changed(half, {"rewards.scale": "running"})
+    found = arrays(Experiment(running, "noisy", "surprise", [0], trained, {}).run()[0])
+    for step, paid in enumerate(found["reward"]):
+        so_far = found["part/surprise"][: step + 1].astype(float)
+        assert paid == pytest.approx(0.15 * (so_far[-1] - so_far.mean()) / (so_far.std() or np.inf), rel=1e-4, abs=1e-6)
+
+
 @pytest.mark.parametrize("condition", streams.CONDITIONS)
 def test_the_parts_are_what_they_say(condition: str, runs: Runs) -> None:
     for record in runs(condition, "mtl_surprise", 0, 1):
@@ -131,6 +156,7 @@ def test_the_policy_is_softmax_of_q_with_bias_and_temperature(runs: Runs) -> Non
 
 # The other readings of the paper: docs/readings.md.
 READINGS: list[tuple[str, object]] = [
+    ("outcomes.action", "limb"),
     ("outcomes.batches", "shared"),
     ("outcomes.marginal", "policy"),
     ("outcomes.start", "zero"),

@@ -12,6 +12,7 @@ from scipy import stats
 
 from mimo.learning.outcomes import CONDITIONAL, MARGINAL, Outcomes, taus
 from mimo.settings import params
+from mimo.world import body
 from tests.unit.learning.twins import huber, quantile_loss
 
 JOINTS, LATENT, QUANTILES = 12, 64, 49
@@ -21,7 +22,7 @@ Remembered = tuple[np.ndarray, np.ndarray]  # action, and the h that followed
 def settings(**changes: float | str) -> params.Outcomes:
     defaults: dict[str, float | str] = {
         "quantiles": QUANTILES, "kappa": 1.0, "learning_rate": 0.001, "batches": "own", "batch": 8, "memory": 500,
-        "marginal": "table", "start": "detached",
+        "action": "joint", "marginal": "table", "start": "detached",
     }  # fmt: skip
     return params.Outcomes.model_validate(defaults | changes)
 
@@ -71,7 +72,58 @@ def test_influence_and_expectation_against_scipy() -> None:
         np.testing.assert_allclose(expectation[seed, joint], mean, atol=1e-6, rtol=1e-5)
 
 
+LEFT_FOOT = body.attached("left_foot")
+
+
+def one_knee(action: str, **changes: float | str) -> tuple[Outcomes, np.ndarray]:
+    """Models of one number at 0, and the action in which the left knee alone moves."""
+    chosen = settings(action=action, quantiles=1, batch=2, **changes)
+    return Outcomes(chosen, np.zeros((1, 1), np.float32), [np.random.default_rng(0)]), (
+        np.array(body.ACTUATED) == "left_knee"
+    )[None]
+
+
+@pytest.mark.parametrize("batches", ["own", "shared"])
+def test_a_joints_action_may_be_its_limbs(batches: str) -> None:
+    """By hand: AdamW's first step moves what learns by its rate, 0.001, towards h = 1."""
+    for action, moves in (("limb", LEFT_FOOT), ("joint", np.array(body.ACTUATED) == "left_knee")):
+        outcomes, knee = one_knee(action, batches=batches)
+        outcomes.update(knee, np.ones((1, 1), np.float32))
+        rows = outcomes.conditional[0, ..., 0, 0]  # joint, action
+        np.testing.assert_allclose(rows[:, 1], np.where(moves, 0.001, 0), rtol=1e-4)
+        np.testing.assert_allclose(rows[:, 0], np.where(moves, 0, 0.001), rtol=1e-4)
+        np.testing.assert_allclose(outcomes.marginal, 0.001, rtol=1e-4)
+        # W1 to p(h) is of the tables that have not learned; every joint's own action has.
+        np.testing.assert_allclose(outcomes.influence()[0, :, 1], np.where(moves, 0, 0.001), rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(outcomes.influence()[0, :, 0], np.where(moves, 0.001, 0), rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(outcomes.expectation(knee)[0], 0.001, rtol=1e-4)
+        assert LEFT_FOOT.sum() == 3
+
+
+def test_what_is_expected_of_a_resting_joint_is_what_its_limb_does() -> None:
+    number = np.arange(1.0, 13)
+    for action, moves in (("limb", LEFT_FOOT), ("joint", np.array(body.ACTUATED) == "left_knee")):
+        outcomes, knee = one_knee(action)
+        outcomes.conditional[0, :, 1, 0, 0], outcomes.conditional[0, :, 0, 0, 0] = number, -number
+        assert outcomes.expectation(knee)[0, :, 0].tolist() == np.where(moves, number, -number).tolist()
+        assert outcomes.expectation(np.zeros_like(knee))[0, :, 0].tolist() == (-number).tolist()
+        assert outcomes.expectation(np.ones_like(knee))[0, :, 0].tolist() == number.tolist()
+
+
+def test_the_policys_mixture_for_a_limb_is_by_whether_any_of_its_joints_moves() -> None:
+    """By hand: .5, .2 and .1 make 1 - .5 .8 .9 = .64; W1 of the two tables is 1."""
+    probability = np.full((1, JOINTS), 0.5, np.float32)
+    probability[0, LEFT_FOOT] = [0.5, 0.2, 0.1]
+    own = {"joint": probability[0].astype(float), "limb": np.where(LEFT_FOOT, 0.64, 1 - 0.5**3)}
+    for action, expected in own.items():
+        outcomes, _ = one_knee(action, marginal="policy")
+        outcomes.conditional[0, :, 1] = 1
+        np.testing.assert_allclose(outcomes.influence(probability)[0, :, 0], expected, rtol=1e-6)
+        np.testing.assert_allclose(outcomes.influence(probability)[0, :, 1], 1 - expected, rtol=1e-6)
+
+
 @given(
+    action=st.sampled_from(["joint", "limb"]),
     kappa=st.sampled_from([1.0, 0.1]),
     latent=st.integers(1, 70),
     quantiles=st.integers(1, 60),
@@ -79,14 +131,14 @@ def test_influence_and_expectation_against_scipy() -> None:
     batch=st.integers(1, 9),
     batches=st.sampled_from(["own", "shared"]),
 )
-@example(kappa=1.0, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="own")
-@example(kappa=0.1, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="shared")
+@example(action="limb", kappa=1.0, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="own")
+@example(action="joint", kappa=0.1, latent=LATENT, quantiles=QUANTILES, memory=5, batch=8, batches="shared")
 @examples(max_examples=16, deadline=None)
 def test_updates_follow_autograd_and_torchs_adamw(
-    kappa: float, latent: int, quantiles: int, memory: int, batch: int, batches: str
+    action: str, kappa: float, latent: int, quantiles: int, memory: int, batch: int, batches: str
 ) -> None:
     """Batches are drawn as the docstring of `update` says, here table by table."""
-    chosen = settings(kappa=kappa, memory=memory, quantiles=quantiles, batch=batch, batches=batches)
+    chosen = settings(action=action, kappa=kappa, memory=memory, quantiles=quantiles, batch=batch, batches=batches)
     start = initial(latent, quantiles)
     outcomes, twin, world = Outcomes(chosen, start, [np.random.default_rng(3)]), *map(np.random.default_rng, (3, 4))
     conditional = torch.from_numpy(start).double().repeat(JOINTS, 2, 1, 1).requires_grad_()
@@ -94,12 +146,15 @@ def test_updates_follow_autograd_and_torchs_adamw(
     optimizer = torch.optim.AdamW([conditional, marginal], lr=0.001)
     tau, remembered = torch.from_numpy(taus(quantiles)).double(), list[Remembered]()
     for step in range(20):
-        action, h = world.random(JOINTS) < 0.4, (world.normal(size=latent) * 0.5).astype(np.float32)
-        outcomes.update(action[None], h[None])
+        moved, h = world.random(JOINTS) < 0.4, (world.normal(size=latent) * 0.5).astype(np.float32)
+        outcomes.update(moved[None], h[None])
+        acted = moved
+        if action == "limb":
+            acted = np.max([own & moved[own].any() for own in map(body.attached, body.LIMB_JOINTS)], axis=0)
         if step < memory:
-            remembered.append((action, h))
+            remembered.append((acted, h))
         else:
-            remembered[step % memory] = (action, h)  # the oldest makes room
+            remembered[step % memory] = (acted, h)  # the oldest makes room
         if batches == "own":
             chance = twin.random((MARGINAL + 1, batch))
         else:
@@ -207,7 +262,7 @@ def test_tables_arrive_at_what_the_loss_asks_for(kappa: float, batches: str) -> 
     assert influence[0] > 4 * influence[1:].max()  # joint 0 alone shifts h; by chance others went with it in the data
 
 
-OTHER = {"batches": "shared", "marginal": "policy"}  # readings of the paper
+OTHER = {"action": "limb", "batches": "shared", "marginal": "policy"}  # readings of the paper
 
 
 def history(seeds: Sequence[int], steps: int, **changes: str) -> dict[int, bytes]:

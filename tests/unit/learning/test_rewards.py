@@ -16,7 +16,7 @@ PAPERS = ("cais", "mtl", "rtl", "surprise")
 
 
 def settings(cais: str = "move", surprise: str = "taken", frames: int = 1) -> params.Rewards:
-    own = {"cais": {"pays": cais}, "surprise": {"pays": surprise}, "rtl": {"frames": frames}}
+    own = {"cais": {"pays": cais}, "surprise": {"pays": surprise, "weight": 1.0}, "rtl": {"frames": frames}}
     return params.checked(params.load().rewards, own)
 
 
@@ -117,22 +117,41 @@ def test_a_reward_that_needs_outcomes_refuses_a_transition_without(name: str) ->
         made(name)(bare)
 
 
+def steps(seeds: int, count: int, frames: int = 1) -> list[dict[str, np.ndarray]]:
+    """Fields of `count` transitions with all that any reward reads."""
+    generator = np.random.default_rng(3)
+    return [
+        {
+            "path_length": generator.random(seeds, np.float32),
+            "latents": generator.standard_normal((seeds, frames + 1, LATENT), np.float32),
+            "action": generator.random((seeds, JOINTS)) < 0.4,
+            "influence": generator.random((seeds, JOINTS, 2), np.float32),
+            "expectation": generator.standard_normal((seeds, JOINTS, LATENT), np.float32),
+            "tables": generator.standard_normal((seeds, 25, 9, LATENT), np.float32),
+            "proprioception": generator.standard_normal((seeds, 47), np.float32),
+            "probability": generator.random((seeds, JOINTS), np.float32),
+        }
+        for _ in range(count)
+    ]
+
+
 @pytest.mark.parametrize(("name", "frames"), [*((name, 1) for name in REWARDS), ("rtl", 4), ("rtl", 12)])
 def test_rewards_do_not_depend_on_the_stack(name: str, frames: int) -> None:
-    generator = np.random.default_rng(3)
-    fields = {
-        "path_length": generator.random(7, np.float32),
-        "latents": generator.standard_normal((7, frames + 1, LATENT), np.float32),
-        "action": generator.random((7, JOINTS)) < 0.4,
-        "influence": generator.random((7, JOINTS, 2), np.float32),
-        "expectation": generator.standard_normal((7, JOINTS, LATENT), np.float32),
-    }
-    reward = made(name, frames=frames)
-    stack = reward(Transition(**fields))
-    assert stack.shape == (7, JOINTS)
+    """Nor do those that learn as they go, over some steps."""
+    own, seen = settings(frames=frames), steps(7, 6, frames)
+
+    def paid(seeds: range) -> list[np.ndarray]:
+        terms = rewards.parts(name, own, lambda _: [np.random.default_rng((5, seed)) for seed in seeds])
+        taken = slice(seeds.start, seeds.stop)
+        told = [Transition(**{key: value[taken].copy() for key, value in fields.items()}) for fields in seen]
+        return [rewards.paid(terms, t)[0] for t in told]
+
+    stack = paid(range(7))
+    assert all(found.shape == (7, JOINTS) for found in stack)
+    assert any(found.any() for found in stack)
     for seed in range(7):
-        alone = reward(Transition(**{key: value[seed : seed + 1].copy() for key, value in fields.items()}))
-        assert same(alone[0], stack[seed])
+        for alone, together in zip(paid(range(seed, seed + 1)), stack, strict=True):
+            assert same(alone[0], together[seed])
 
 
 class Odd:
@@ -169,6 +188,10 @@ def test_parts_follow_the_name() -> None:
     assert [part.name for part in rewards.parts("cais", settings())] == ["cais"]
     needing = [name for name in (*PAPERS, "rtl_surprise") if rewards.needs_outcomes(name)]
     assert needing == ["cais", "surprise", "rtl_surprise"]
+    assert {name for name, kind in REWARDS.items() if kind.needs_tables} == {"means", "kl", "energy", "mmd"}
+    assert {name for name in REWARDS if rewards.needs_outcomes(name)} == {
+        "cais", "surprise", "means", "kl", "energy", "mmd", "progress"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "part"), [("mtl_curiosity", "curiosity"), ("", ""), ("mtl_", "")])

@@ -40,7 +40,7 @@ def altered(section: Any, path: Sequence[str]) -> Any:
     other: Any
     if isinstance(value, str):
         others = {"left_foot": "right_foot", "move": "taken", "taken": "move", "resting": "running"}
-        others |= {"own": "shared", "table": "policy", "detached": "zero"}
+        others |= {"own": "shared", "joint": "limb", "table": "policy", "detached": "zero"}
         other = (others | {P.film.run: "mtl/seed-001"})[value]
     elif isinstance(value, bool):
         other = not value
@@ -57,8 +57,8 @@ def read_by(condition: str, reward: str) -> set[Place]:
     found = {path for path in leaves(P) if path[0] in whole}
     found |= {("seed",), ("rewards", "gain"), ("rewards", "scale"), ("conditions", condition, "force")}
     found |= {("encoder", name) for name in ("widths", "latent", "projection", "latent_sd")}
-    own = {"rtl": "frames", "cais": "pays", "surprise": "pays"}
-    return found | {("rewards", part, name) for part, name in own.items() if part in reward}
+    own = {"rtl": ("frames",), "cais": ("pays",), "surprise": ("pays", "weight")}
+    return found | {("rewards", part, name) for part, names in own.items() if part in reward for name in names}
 
 
 @pytest.mark.parametrize("reward", ["mtl", "cais", "rtl_surprise"])

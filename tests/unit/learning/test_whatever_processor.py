@@ -1,4 +1,4 @@
-"""Agent and outcome models are the same bytes for whatever processor their kernels are compiled."""
+"""Agent, outcome models and rewards are the same bytes for whatever processor their kernels are compiled."""
 
 import hashlib
 import os
@@ -6,10 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mimo.learning import rewards
 from mimo.record import identity
-from tests.unit.learning import test_agent, test_outcomes
+from mimo.settings import params
+from tests.unit.learning import test_agent, test_outcomes, test_rewards
 
 SCRIPT = """
 import mimo
@@ -19,12 +22,17 @@ print(hashed())
 
 
 def hashed() -> str:
-    """Of all that both give over 20 updates of two seeds, outcome models by other readings too."""
+    """Of all that these give over 20 updates of two seeds, outcome models by other readings too."""
     made = hashlib.sha256()
     outcomes = (test_outcomes.history([0, 1], 20, **changes) for changes in ({}, test_outcomes.OTHER))
     for history in (test_agent.history([0, 1], 20), *outcomes):
         for seen in history.values():
             made.update(seen)
+    settings, draws = params.load().rewards, [np.random.default_rng(seed) for seed in (0, 1)]
+    terms = rewards.parts("_".join(rewards.REWARDS), settings, lambda _: draws)
+    for fields in test_rewards.steps(2, 20):
+        for paid in rewards.paid(terms, rewards.Transition(**fields)):
+            made.update(paid.tobytes())
     return made.hexdigest()
 
 

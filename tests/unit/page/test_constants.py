@@ -22,9 +22,13 @@ def test_constants_with_their_comments():
         "  - x",
         "  - y",
         "e: 1.0 # paper appendix",
-        "sweeps:",
-        "  variants:",
-        "    f: {asks: 'why?', set: {a.b: [1, 2], e: 2.0}, cells: {free: [mtl]}}",
+        "studies:",
+        "  s:",
+        "    title: A title",
+        "    seeds: 5 # ours: few",
+        "    variants:",
+        "      f: {asks: 'why?', set: {a.b: [1, 2], e: 2.0}, cells: {free: [mtl]}}",
+        "      g: {set: {}, yoked: cais}",
     )
     assert constants.constants("\n".join(lines)) == [
         constants.Constant("seed", "3", "ours", "ours: any"),
@@ -32,7 +36,9 @@ def test_constants_with_their_comments():
         constants.Constant("a.c", "#no", "", ""),
         constants.Constant("a.d", "x, y", "", ""),
         constants.Constant("e", "1.0", "paper", "paper appendix"),
-        constants.Constant("sweeps.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
+        constants.Constant("studies.s.seeds", "5", "ours", "ours: few"),
+        constants.Constant("studies.s.variants.f", "a.b: 1, 2, e: 2.0", "ours", "why?"),
+        constants.Constant("studies.s.variants.g", "yoked: cais", "ours", ""),
     ]
 
 

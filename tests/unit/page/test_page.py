@@ -1,17 +1,23 @@
 """The report's pages in a real browser, from their files: the published ones, and those of a small project."""
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 from selenium.webdriver import ActionChains, Chrome, ChromeOptions, ChromeService, Keys
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.select import Select
 from selenium.webdriver.support.wait import WebDriverWait
 
+from mimo.settings import studies as settings
 from stages.base import paths
+from stages.page import page
+from tests.unit.page import fabricated
+from tests.unit.page.test_studies import ASKED, EFFECTS, computed, effect
 
 ROOT = Path(__file__).resolve().parents[3]
 QUIET = (
@@ -98,10 +104,48 @@ def test_every_picture_loads_nothing_overflows_and_the_console_is_silent(publish
     assert_fits(published)
 
 
-def test_the_studies_page_fits_and_its_console_is_silent(browser: Chrome) -> None:
-    studies = opened(browser, ROOT, paths.STUDIES)
-    assert len(studies.find_elements(By.CSS_SELECTOR, "#decides tbody tr, #fair tbody tr")) > 20
-    assert_fits(studies)
+def test_the_published_studies_page_has_what_is_computed_fits_and_its_console_is_silent(browser: Chrome) -> None:
+    page = opened(browser, ROOT, paths.STUDIES)
+    asked = yaml.safe_load((ROOT / settings.PATH).read_text(encoding="utf-8"))["studies"]
+    shown = [section.get_attribute("id") for section in page.find_elements(By.CSS_SELECTOR, "section[id^=study-]")]
+    computed = {name: (ROOT / paths.STUDIES_NUMBERS / f"{name}.json").exists() for name in asked}
+    assert shown == [f"study-{name}" for name, there in computed.items() if there]
+    short = page.find_element(By.ID, "short").text
+    assert all(f"{asked[name]['title']}" in short for name in asked)
+    assert ("Not computed yet" in short) == (not all(computed.values()))
+    assert_fits(page)
+
+
+@pytest.fixture(scope="module")
+def fabricated_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project's folder with the studies' page alone, of one study of each kind."""
+    asked = fabricated.studies(**ASKED)
+    found = page.Beyond(computed(asked), {name: fabricated.explored(study) for name, study in asked.studies.items()})
+    folder = tmp_path_factory.mktemp("studies")
+    (folder / paths.STUDIES).parent.mkdir(parents=True)
+    html = page.studies(asked, found, fabricated.judged(effect), EFFECTS, [])
+    (folder / paths.STUDIES).write_text(html, encoding="utf-8")
+    return folder
+
+
+def test_a_studies_page_fits_and_its_explorer_draws_the_study_that_is_chosen(
+    browser: Chrome, fabricated_page: Path
+) -> None:
+    assert_fits(opened(browser, fabricated_page, paths.STUDIES))
+    widen(browser, DESK)
+    assert len(curves(browser)) == 2 * 3
+    choose(browser, "study", "Study dose")
+    choose(browser, "variant", "n80")
+    choose(browser, "reward", "MTL")
+    assert re.search(r"P\(MOVE\) 0\.62[45] ± 0\.09[89]", reading(browser).splitlines()[1])  # mean of .5 to .75
+    before = curves(browser)
+    choose(browser, "study", "Study drawn")
+    assert Select(browser.find_element(By.NAME, "variant")).first_selected_option.text == "draw1"
+    assert Select(browser.find_element(By.NAME, "condition")).first_selected_option.text == "free"
+    browser.find_element(By.CSS_SELECTOR, "[name=seed][value='0']").click()
+    assert curves(browser) != before
+    assert reading(browser).splitlines()[0].endswith("n = 4")
+    assert browser.get_log("browser") == []
 
 
 def test_a_small_projects_pages_fit_and_lead_to_each_other(made: Chrome) -> None:

@@ -29,6 +29,23 @@ def test_two_keys_are_two_streams(one: tuple[int, str, int, str], other: tuple[i
     assert (first(*one) == first(*other)) == (one == other)
 
 
+NAMES = ("", "mtl", "rtl", "rt", "lm", "surprise")
+
+
+def test_a_name_tells_streams_of_one_purpose_apart() -> None:
+    """And from those of every other purpose; no name is the stream that there was before names."""
+    drawn = {
+        streams.generator(ROOT, "free", seed, purpose, name).bytes(16)
+        for seed in range(3)
+        for purpose in streams.PURPOSES
+        for name in NAMES
+    }
+    assert len(drawn) == 3 * len(streams.PURPOSES) * len(NAMES)
+    assert streams.generator(ROOT, "free", 1, "reward", "").bytes(16) == first(ROOT, "free", 1, "reward")
+    again = [streams.generator(ROOT, "free", 1, "reward", "rtl").bytes(16) for _ in range(2)]
+    assert again[0] == again[1]
+
+
 def test_no_two_streams_of_a_sweep_begin_alike() -> None:
     keys = list(itertools.product((ROOT, ROOT + 1), streams.CONDITIONS, range(20), streams.PURPOSES))
     assert len({first(*key) for key in keys}) == len(keys)
@@ -52,7 +69,8 @@ def test_drawing_from_one_stream_leaves_the_others_alone() -> None:
 
 
 def test_the_reward_is_no_part_of_the_key() -> None:
-    assert list(inspect.signature(streams.generator).parameters) == ["root", "condition", "seed", "purpose"]
+    """`name` tells streams apart that share a purpose: here, what each reward draws for itself."""
+    assert list(inspect.signature(streams.generator).parameters) == ["root", "condition", "seed", "purpose", "name"]
 
 
 def test_streams_stay_what_they_were() -> None:
@@ -63,6 +81,7 @@ def test_streams_stay_what_they_were() -> None:
     assert streams.PURPOSES == (
         "noise", "direction", "policy", "weights", "memory",
         "collect", "collect_noise", "encoder", "calibrate", "calibrate_memory", "calibrate_noise",
+        "rope", "reward", "calibrate_reward",
     )  # fmt: skip
     assert streams.CONDITIONS == ("free", "noisy")
 

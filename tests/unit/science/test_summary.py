@@ -24,10 +24,12 @@ def met(baseline: float, *minutes: float) -> bool:
 
 
 def test_names_as_the_paper_writes_them():
-    assert [summary.label(name) for name in ("cais", "rtl_surprise", "novelty")] == [
+    assert [summary.label(name) for name in ("cais", "rtl_surprise", "novelty", "kl_rnd", "progress")] == [
         "CAIS",
         "RTL + Surprise",
         "Novelty",
+        "CAIS by Gaussian KL + RND",
+        "Learning progress",
     ]
 
 

@@ -17,7 +17,7 @@ from mimo.settings.section import Section
 from mimo.settings.studies import Studies
 
 ROOT = Path(__file__).parents[3]
-NAMED = ("variants", "alternatives")  # sections of free names
+NAMED = ("studies", "alternatives")  # sections of free names
 MISSING = object()  # in place of a value
 
 Keys = tuple[str, ...]
@@ -80,7 +80,7 @@ def dotted(keys: Keys) -> str:
 
 
 def walk(section: dict[str, Any], above: Keys = ()) -> Iterator[tuple[Keys, Any]]:
-    """Every key; variants and alternatives, whose names are free, have tests of their own."""
+    """Every key; studies and alternatives, whose names are free, have tests of their own."""
     for key, value in section.items():
         yield (*above, key), value
         if isinstance(value, dict) and key not in NAMED:

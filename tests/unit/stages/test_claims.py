@@ -68,9 +68,7 @@ def test_curves_and_phases_are_read_back(tmp_path: Path) -> None:
 
 
 def test_a_variants_curves_are_its_own(tmp_path: Path) -> None:
-    held = write(
-        tmp_path / "variants.h5", store.VARIANTS, {"gain_1/free/mtl": cell(0.2), "gain_10/free/cais": cell(0.0)}
-    )
+    held = write(tmp_path / "variants.h5", store.STUDY, {"gain_1/free/mtl": cell(0.2), "gain_10/free/cais": cell(0.0)})
     assert set(curves_of(held, "gain_1/")) == {("free", "mtl")}
     assert set(curves_of(held, "gain_10/")) == {("free", "cais")}
     names = {test["name"] for test in verdicts.primary(judged(held, "gain_1/"))}

@@ -10,21 +10,21 @@ from mimo.record import artifact
 from mimo.settings import params
 from mimo.world import body
 from stages import explore
-from stages.base import paths, store
+from stages.base import numbers, paths, store
 from tests.unit.reported import SEEDS
 
 
 def unpacked(packed: dict, shape: tuple[int, ...]) -> np.ndarray:
     """As explore.js does."""
-    digits = np.array([explore.DIGITS.index(letter) for letter in packed["text"]]).reshape(*shape, 2)
-    return packed["low"] + (digits @ [64, 1]) / explore.LEVELS * (packed["high"] - packed["low"])
+    digits = np.array([numbers.PACKED.index(letter) for letter in packed["text"]]).reshape(*shape, 2)
+    return packed["low"] + (digits @ [64, 1]) / numbers.LEVELS * (packed["high"] - packed["low"])
 
 
 @pytest.mark.parametrize("values", [np.linspace(-3, 7, 60).reshape(3, 4, 5), np.full((2, 2), 0.25), np.zeros(1)])
 def test_what_is_packed_comes_back_to_half_a_level(values: np.ndarray) -> None:
-    packed = explore.packed(values)
+    packed = numbers.packed(values)
     assert len(packed["text"]) == 2 * values.size
-    half = (packed["high"] - packed["low"]) / explore.LEVELS / 2
+    half = (packed["high"] - packed["low"]) / numbers.LEVELS / 2
     assert np.abs(unpacked(packed, values.shape) - values).max() <= half + 1e-6
 
 

@@ -5,9 +5,11 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from mimo.record import identity
 from mimo.settings import params
 from stages.base import console, paths, registration
 from stages.commands import register
@@ -162,6 +164,71 @@ def test_what_changes_no_number_that_a_claim_is_judged_by(registered: Path):
     changed(paths.PARAMS, "chunk: 5 #", "chunk: 7 #")
     changed(paths.PARAMS, "temperature: 0.3 # paper §3.6", "temperature: 0.30 # as the paper has it")
     assert not why()
+
+
+# Constants that came after the registration that stands.
+
+
+def whole(constants: dict[str, Any]) -> str:
+    """The digest of all constants, as it was before any came later."""
+    del constants["film"], constants["sweep"]["chunk"]
+    for later in ("kl", "mmd", "rnd", "progress", "cai"):  # rewards that came later, and no claim is of
+        del constants["rewards"][later]
+    return str(identity.Digest(constants))
+
+
+def test_constants_that_came_later_change_nothing_where_they_are_neutral(project: Path):
+    """Each but for the value at which it does what was done before there was a choice."""
+    p = params.load()
+    constants = p.model_dump(mode="json")
+    later: dict[str, dict[str, Any]] = dict(registration.LATER)  # type: ignore[arg-type]
+    for section, own in later.items():
+        for name, neutral in own.items():
+            if isinstance(neutral, dict):
+                assert {key: constants[section][name].pop(key) for key in neutral} == neutral
+            else:
+                assert constants[section].pop(name) == neutral
+    assert registration.registered(p)["params"] == whole(constants)
+    assert registration.registered(p)["params"] != whole(p.model_dump(mode="json"))
+
+
+def test_the_projects_constants_are_as_its_registration_has_them():
+    """If its root seed is: to register anew takes another."""
+    held = json.loads((ROOT / paths.REGISTERED).read_text(encoding="utf-8"))
+    if held["seed"] == SEED:
+        assert registration.registered(params.load(ROOT / paths.PARAMS))["params"] == held["params"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("draw: 0 #", "draw: 1 #"),
+        ("limbs: own #", "limbs: all #"),
+        ("action: joint #", "action: limb #"),
+        ("rope_holds: 1.0 #", "rope_holds: 0.5 #"),
+        ("weight: 1.0 #", "weight: 0.5 #"),
+    ],
+)
+def test_at_another_value_they_do(registered: Path, old: str, new: str):
+    changed(paths.PARAMS, old, new)
+    assert why() == "not as registered: params"
+
+
+def test_constants_of_rewards_that_no_claim_is_of_change_nothing(project: Path):
+    p = params.load()
+    without = params.changed(p, {"sweep.rewards": ["mtl", "rtl_cais", "cais"]})
+    assert registration.registered(without)["params"] != registration.registered(p)["params"]
+    for key, value, counts in (
+        ("rewards.surprise.pays", "move", False),
+        ("rewards.surprise.weight", 0.5, False),
+        ("rewards.cais.pays", "taken", True),
+        ("rewards.rtl.frames", 4, True),  # of a part
+        ("rewards.gain", 1.0, True),
+        ("rewards.scale", "running", True),
+    ):
+        one, other = (registration.registered(params.changed(own, {key: value}))["params"] for own in (p, without))
+        assert one != registration.registered(p)["params"]
+        assert (other != registration.registered(without)["params"]) == counts
 
 
 def test_comments_and_docstrings_of_claims_change_nothing(registered: Path):

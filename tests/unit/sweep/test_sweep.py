@@ -13,7 +13,9 @@ import pytest
 from mimo.learning import experiment
 from mimo.record import artifact, identity
 from mimo.settings.params import Params
+from mimo.vision import extractor
 from mimo.vision.extractor import SCHEMA, Trained
+from mimo.world import protocol
 from stages.base import console, paths, store
 from stages.sweep import crew, sweep
 from stages.sweep.schedule import Chunk, Run
@@ -30,14 +32,15 @@ def _away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
 
 
-def grid(p: Params, scales: dict[str, float]) -> Grid:
+def grid(p: Params, scales: dict[str, float], encoder: bytes) -> Grid:
     """The sweep of `p`, as stages.train asks for it."""
-    return Grid(p, scales, tuple(itertools.product(p.sweep.conditions, p.sweep.rewards)), p.sweep.seeds)
+    cells = tuple(itertools.product(p.sweep.conditions, p.sweep.rewards))
+    return Grid(p, scales, encoder, p.encoder.latent_sd, cells, range(p.sweep.seeds))
 
 
 @pytest.fixture
 def job(tiny: Params, encoder_file: bytes, scales: dict[str, float]) -> Job:
-    return Job(encoder_file, tiny.encoder.latent_sd, {"": grid(tiny, scales)})
+    return {"": grid(tiny, scales, encoder_file)}
 
 
 def changed(p: Params, section: str, **values: object) -> Params:
@@ -45,7 +48,7 @@ def changed(p: Params, section: str, **values: object) -> Params:
 
 
 def test_a_runs_digest_is_that_of_its_own_inputs(job: Job, tiny: Params, scales: dict[str, float]) -> None:
-    made = sweep.runs_of(job, "e" * 64, "", "free", "cais", (3, 0, 11))
+    made = sweep.runs_of(job[""], "e" * 64, "", "free", "cais", (3, 0, 11))
     assert [run.seed for run in made] == [3, 0, 11]
     for run in made:
         inputs = experiment.inputs(tiny, "free", "cais", "e" * 64, scales) | {"seed": run.seed}
@@ -56,9 +59,9 @@ def test_a_runs_digest_is_that_of_its_own_inputs(job: Job, tiny: Params, scales:
 
 def with_variants(job: Job) -> Job:
     """`job` and two variants: `same` changes nothing, `greedy` the gain, so that it shares no run."""
-    own = job.grids[""]
+    own = job[""]
     greedy = replace(own, params=changed(own.params, "rewards", gain=1.0), cells=(("free", "mtl"),))
-    return replace(job, grids={"": own, "same": replace(own, cells=(("free", "cais"),)), "greedy": greedy})
+    return {"": own, "a/same": replace(own, cells=(("free", "cais"),)), "a/greedy": greedy}
 
 
 def kept() -> dict[str, bytes]:
@@ -79,9 +82,9 @@ def test_runs_are_all_of_the_sweep_in_order(job: Job) -> None:
         ("free", "mtl", 0), ("free", "mtl", 1), ("free", "cais", 0), ("free", "cais", 1)
     ]  # fmt: skip
     assert len({run.digest for run in made}) == 4
-    own = job.grids[""]
-    wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=3)
-    more = sweep.wanted(replace(job, grids={"": wider}))
+    own = job[""]
+    wider = replace(own, cells=(("noisy", "mtl"), ("noisy", "cais"), *own.cells), seeds=range(3))
+    more = sweep.wanted({"": wider})
     assert len(more) == 12
     assert set(made) <= set(more)
 
@@ -89,7 +92,7 @@ def test_runs_are_all_of_the_sweep_in_order(job: Job) -> None:
 def test_variants_share_the_runs_that_their_change_does_not_reach(job: Job) -> None:
     runs = sweep.wanted(with_variants(job))
     assert [(run.variant, run.reward, run.seed) for run in runs[4:]] == [
-        ("same", "cais", 0), ("same", "cais", 1), ("greedy", "mtl", 0), ("greedy", "mtl", 1)
+        ("a/same", "cais", 0), ("a/same", "cais", 1), ("a/greedy", "mtl", 0), ("a/greedy", "mtl", 1)
     ]  # fmt: skip
     assert [run.digest for run in runs[4:6]] == [run.digest for run in runs[2:4]]
     assert sweep.missing(runs) == [*runs[:4], *runs[6:]]
@@ -103,9 +106,9 @@ def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
     write(runs[1], paths.run("free", "cais", 0))  # another run's file
     assert sweep.missing(runs) == runs[2:]
     greedy = sweep.wanted(with_variants(job))[6:]
-    write(greedy[0], paths.run("free", "mtl", 0, "greedy"))
+    write(greedy[0], paths.run("free", "mtl", 0, "a/greedy"))
     assert sweep.missing(greedy) == greedy[1:]
-    assert sweep.missing([replace(runs[1], variant="same")]) == []
+    assert sweep.missing([replace(runs[1], variant="a/same")]) == []
     store.place(store.RUN, greedy[0].digest).unlink()
     assert set(kept()) == {runs[0].digest, runs[1].digest}
     paths.run("free", "mtl", 1).unlink()
@@ -113,14 +116,43 @@ def test_missing_is_what_neither_store_nor_data_holds(job: Job) -> None:
     assert sweep.missing([]) == []
 
 
+def other_encoder(trained: Trained, folder: Path) -> bytes:
+    """An encoder with other weights' quantiles, and so another sight."""
+    other = replace(trained, quantiles=2 * trained.quantiles)
+    extractor.save(other, folder / "other.h5", "o" * 64, {})
+    return (folder / "other.h5").read_bytes()
+
+
+def test_a_grid_with_an_encoder_of_its_own_shares_no_run(job: Job, trained: Trained, tmp_path: Path) -> None:
+    own = replace(job[""], encoder=other_encoder(trained, tmp_path))
+    runs = sweep.wanted({**job, "a/draw": own, "a/same": job[""]})
+    assert {run.digest for run in runs[4:8]}.isdisjoint(run.digest for run in runs[:4])
+    assert [run.digest for run in runs[8:]] == [run.digest for run in runs[:4]]
+
+
+def test_a_yoked_run_depends_on_whose_mobile_it_is(job: Job, tiny: Params) -> None:
+    steps = protocol.steps(tiny.protocol)
+    act = np.zeros((steps, 12), bool)
+    donors = {("free", seed): experiment.Donor(f"{seed}", 9, act, act) for seed in range(2)}
+    cells = (("free", "mtl"),)
+    alone, yoked, others = (
+        sweep.wanted({"": replace(job[""], cells=cells, donors=given)})
+        for given in ({}, donors, {("free", seed): replace(donors["free", seed], content="x") for seed in range(2)})
+    )
+    assert len({run.digest for runs in (alone, yoked, others) for run in runs}) == 6
+    for run in yoked:
+        assert isinstance(run.digest, identity.Digest)
+        assert run.digest.inputs["donor"] == f"{run.seed}"
+
+
 # Computation.
 
 
 def test_a_variants_latent_is_that_of_its_own_params(tiny: Params, trained: Trained, job: Job) -> None:
-    held = artifact.from_bytes(job.encoder, SCHEMA)
+    held, latent_sd = artifact.from_bytes(job[""].encoder, SCHEMA), job[""].latent_sd
     wide = changed(tiny, "encoder", latent_sd=2 * tiny.encoder.latent_sd)
-    assert np.array_equal(sweep.trained(held, job.latent_sd, tiny).quantiles, trained.quantiles)
-    assert np.array_equal(sweep.trained(held, job.latent_sd, wide).quantiles, 2 * trained.quantiles)
+    assert np.array_equal(sweep.trained(held, latent_sd, tiny).quantiles, trained.quantiles)
+    assert np.array_equal(sweep.trained(held, latent_sd, wide).quantiles, 2 * trained.quantiles)
 
 
 def test_tasks_come_with_their_names_and_a_fault_by_its_name() -> None:
@@ -142,7 +174,7 @@ def test_a_manifest_lists_what_the_store_holds(job: Job) -> None:
     sweep.write_manifest(path, runs)
     content = artifact.content(store.place(store.RUN, runs[0].digest))
     assert json.loads(path.read_text(encoding="utf-8")) == [
-        {"variant": "greedy", "condition": "free", "reward": "mtl", "seed": run.seed, "digest": run.digest,
+        {"variant": "a/greedy", "condition": "free", "reward": "mtl", "seed": run.seed, "digest": run.digest,
          "content": content} for run in runs
     ]  # fmt: skip
 

@@ -8,7 +8,7 @@ import pytest
 from mimo.record import streams
 from mimo.settings.params import Params
 from mimo.vision import collect
-from mimo.world import scene
+from mimo.world import body, scene
 from mimo.world.eye import Eye
 from mimo.world.physics import Worlds
 
@@ -88,3 +88,47 @@ def test_pairs_are_pair_updates_apart_at_the_end_of_a_step(regime: int, tiny: Pa
                     assert worlds.centre_of_mass[0].tobytes() == centres[step, frame].tobytes()
                     assert (eye.frames(worlds.qpos)[0] == frames[step, frame]).all()
             assert made == 120
+
+
+# Other draws, and frames of all limbs.
+
+
+def changed(p: Params, **values: object) -> Params:
+    return p.model_copy(update={"collect": p.collect.model_copy(update=values)})
+
+
+def test_another_draw_sees_other_frames(tiny: Params, collected: Collected) -> None:
+    frames, centres = collect.collect(changed(tiny, draw=1))
+    seen = {row.tobytes() for row in (*centres[1:].reshape(6, -1), *collected[1][1:].reshape(6, -1))}
+    assert len(seen) == 12
+    assert (frames[1:] != collected[0][1:]).any(axis=(3, 4, 5, 6)).any(axis=-1).all()
+    assert np.abs(centres[0] - collected[1][0]).max() < 1e-9  # nothing moves there
+
+
+def test_no_draw_has_a_stream_of_anothers(tiny: Params) -> None:
+    """At as many worlds as there may be."""
+    places = [
+        collect.stream(changed(tiny, draw=draw), world, attached)
+        for draw in (0, 1, 2, 999, 1000)
+        for world in range(16)
+        for attached in (False, True)
+    ]
+    assert len(set(places)) == len(places)
+    assert places[:32] == list(range(32))  # of draw 0, as they were
+
+
+def test_worlds_may_be_tied_to_each_limb_in_turn(tiny: Params) -> None:
+    """Five worlds: the first limb has two. Each world is as it is where all are tied to its limb."""
+    told: list[int] = []
+    few = changed(tiny, worlds=5, steps=2)
+    together = collect.collect(changed(few, limbs="all"), told.append)
+    limbs = list(body.LIMB_JOINTS)
+    assert collect.limbs(changed(few, limbs="all")) == limbs
+    assert collect.limbs(few) == [tiny.protocol.limb] == ["left_foot"]
+    tied = [limbs[world % 4] for world in range(5)]
+    for limb in limbs:
+        own = collect.collect(few.model_copy(update={"protocol": few.protocol.model_copy(update={"limb": limb})}))
+        for world, its in enumerate(tied):
+            for one, other in zip(together, own, strict=True):
+                assert (one[:, world].tobytes() == other[:, world].tobytes()) == (limb == its)
+    assert told == [*range(2, 17, 2), *(16 + steps for steps in range(1, 25))]

@@ -6,7 +6,7 @@ import pytest
 
 from mimo.settings import params
 from mimo.world import body, scene
-from mimo.world.physics import DivergedError, Outcome, Worlds
+from mimo.world.physics import DivergedError, Outcome, Tied, Worlds
 
 P = params.load()
 
@@ -123,7 +123,7 @@ def test_the_parts_of_a_step_are_as_even_as_updates_are(
     updates: list[int] = []
     advance = Worlds._advance
 
-    def spy(self: Worlds, control: np.ndarray, attached: bool) -> Outcome:
+    def spy(self: Worlds, control: np.ndarray, attached: Tied) -> Outcome:
         updates.append(control.shape[1])
         return advance(self, control, attached)
 
@@ -162,6 +162,26 @@ def test_a_world_is_the_same_bytes_in_any_company(built: scene.Scene) -> None:
         assert together.proprioception[2].tobytes() == apart.proprioception[0].tobytes()
         assert together.path_length[2] == apart.path_length[0]
         assert together.centre_of_mass[2].tobytes() == apart.centre_of_mass[0].tobytes()
+
+
+def test_the_rope_is_on_where_it_is_said_to_be(built: scene.Scene) -> None:
+    """An array says of each world what a bool says of all."""
+    ropes = np.array([[True, False, True, False], [False, False, True, True], [False, True, False, False]])
+    many, alone = worlds(built, 40.0, 0, 1, 2, 3), [worlds(built, 40.0, seed) for seed in range(4)]
+    twin = worlds(built, 40.0, 0, 1, 2, 3)
+    for attached in ropes:
+        together = many.step(*kick(many, "left_hip2", "left_knee"), attached=attached)
+        *_, cut = twin.parts(*kick(twin, "left_hip2", "left_knee"), attached=attached, count=4)
+        assert cut.centre_of_mass.tobytes() == together.centre_of_mass.tobytes()
+        for place, one in enumerate(alone):
+            apart = one.step(*kick(one, "left_hip2", "left_knee"), attached=bool(attached[place]))
+            assert together.proprioception[place].tobytes() == apart.proprioception[0].tobytes()
+            assert together.path_length[place] == apart.path_length[0]
+            assert together.centre_of_mass[place].tobytes() == apart.centre_of_mass[0].tobytes()
+    for attached in (True, False):
+        one, two = worlds(built, 40.0, 1, 2), worlds(built, 40.0, 1, 2)
+        given = [w.step(*kick(w, "left_knee"), attached=a) for w, a in ((one, attached), (two, np.full(2, attached)))]
+        assert given[0].centre_of_mass.tobytes() == given[1].centre_of_mass.tobytes()
 
 
 def test_a_diverging_world_raises_with_its_number(built: scene.Scene) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from mimo.settings import params
 from mimo.settings.files import ParamsError
 from mimo.world.env import MIMoMobileEnv
 from mimo.world.vector_env import MIMoMobileVectorEnv
@@ -28,6 +29,24 @@ def same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(same, one, other))
     found, expected = np.asarray(one), np.asarray(other)
     return found.shape == expected.shape and found.dtype == expected.dtype and bool((found == expected).all())
+
+
+def test_a_rope_that_holds_in_some_steps_is_each_worlds_own() -> None:
+    published = params.published()
+    loose = params.changed(published, {"world.rope_holds": 0.5})
+    long = SHORT | {"attached_steps": 20, "settings": loose}
+    ours = MIMoMobileVectorEnv(N, **long)
+    theirs = SyncVectorEnv([lambda: MIMoMobileEnv(**long)] * N)
+    held = []
+    for step, (found, expected) in enumerate(zip(rows(ours, 7, 22), rows(theirs, 7, 22), strict=True)):
+        assert same(found, expected), step
+        held.append(found[-1]["attached"])
+    assert not np.any(held[:2] + held[-1:])
+    share = np.array(held[2:-1]).mean(axis=0)
+    assert len(set(map(bytes, np.array(held, bool).T))) == N
+    assert (share > 0.1).all() and (share < 0.9).all()
+    ours.close()
+    theirs.close()
 
 
 @pytest.mark.parametrize("seed", [7, [3, 1, 2]], ids=str)

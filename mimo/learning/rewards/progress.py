@@ -1,6 +1,5 @@
-"""Learning progress (Oudeyer, Kaplan & Hafner 2007, IEEE Trans. Evol. Comput. 11:265; Kaplan & Oudeyer 2007)."""
+"""Learning progress (Oudeyer, Kaplan & Hafner 2007, IEEE Trans. Evol. Comput. 11:265)."""
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -9,14 +8,16 @@ from pydantic import Field
 
 from mimo.learning.rewards.reward import Reward, Transition, length
 from mimo.settings.section import Section
+from mimo.world.protocol import ACTIONS
 
 
 class Progress(Reward):
-    """By how much ||h - E[h|a]|| of each joint's action fell from one window of steps to the next, in units of h.
+    """By how much ||h - E[h|a]|| fell over the last steps in which a joint took the action that it now took, in h.
 
-    The sum of errors over the window of W steps before the last, less that over the last, divided by W. As long as
-    fewer than 2 W steps are seen, the windows are the halves of what is, less the first step of an odd number, and the
-    divisor is W all the same: what was not seen is no progress, so that it begins at 0.
+    The regions whose progress is told apart are a joint's two actions: each has an outcome model and errors of its
+    own. The sum of errors over the W steps of an action before its last W, less that over the last W, divided by W. As
+    long as an action was taken in fewer than 2 W steps, the windows are the halves of what is, less the first step of
+    an odd number, and the divisor is W all the same: what was not seen is no progress, so that it begins at 0.
     """
 
     name = "progress"
@@ -29,17 +30,26 @@ class Progress(Reward):
         window: Annotated[int, Field(gt=0, le=1000)]
 
     def __init__(self, constants: Any, draws: Sequence[np.random.Generator] = ()) -> None:
-        """See Reward."""
+        """See Reward; memory is made in the first step."""
         super().__init__(constants, draws)
-        self._errors: deque[np.ndarray] = deque(maxlen=2 * constants.window)
+        self._errors = np.empty((0, 0, ACTIONS, 2 * constants.window))
+        self._taken = np.empty((0, 0, ACTIONS), int)
 
     def __call__(self, t: Transition) -> np.ndarray:
         """See Reward."""
         assert t.expectation is not None, "learning progress needs the expected outcome of actions"
-        self._errors.append(length(t.latent[:, None] - t.expectation).astype(np.float64))
-        half = len(self._errors) // 2
-        errors = list(self._errors)[len(self._errors) - 2 * half :]
+        window = self.constants.window
+        if not len(self._errors):
+            self._errors = np.zeros((*t.action.shape, ACTIONS, 2 * window))
+            self._taken = np.zeros((*t.action.shape, ACTIONS), int)
+        own = (*np.indices(t.action.shape), t.action.astype(int))
+        errors = np.roll(self._errors[own], 1, axis=-1)
+        errors[..., 0] = length(t.latent[:, None] - t.expectation)
+        self._errors[own] = errors
+        self._taken[own] += 1
+        half = np.minimum(self._taken[own] // 2, window)
         fall = np.zeros(t.action.shape)
-        for before, since in zip(errors[:half], errors[half:], strict=True):
-            fall += before - since
-        return fall / float(self.constants.window)
+        for place in range(window):
+            before = np.take_along_axis(errors, (half + place)[..., None] % (2 * window), axis=-1)[..., 0]
+            fall += np.where(place < half, before - errors[..., place], 0)
+        return fall / float(window)

@@ -83,14 +83,16 @@ def test_what_must_draw_says_so(name: str) -> None:
 # Learning progress.
 
 
-def progress(reward: Reward, *errors: float) -> list[float]:
-    """What joint 4 is paid for its errors; the others' are 1 throughout."""
+def progress(reward: Reward, *errors: float, moved: str = "") -> list[float]:
+    """What joint 4 is paid for its errors; the others' are 1 throughout. It moves where `moved` has an m."""
     found = []
-    for error in errors:
+    for error, action in zip(errors, moved or "-" * len(errors), strict=True):
         expectation = np.zeros((1, JOINTS, LATENT), np.float32)
         expectation[..., 0] = 1
         expectation[0, 4, 0] = error
-        (paid,) = reward(seen(np.zeros(LATENT), expectation=expectation))
+        moves = np.zeros((1, JOINTS), bool)
+        moves[0, 4] = action == "m"
+        (paid,) = reward(seen(np.zeros(LATENT), expectation=expectation, action=moves))
         assert not np.delete(paid, 4).any()
         found.append(float(paid[4]))
     return found
@@ -99,6 +101,12 @@ def progress(reward: Reward, *errors: float) -> list[float]:
 def test_progress_is_the_fall_of_the_mean_error() -> None:
     """Windows of two: (8 + 6) / 2 - (4 + 2) / 2, and so on; before the fourth step, half a window's fall counts."""
     assert progress(made("progress", window=2), 8, 6, 4, 2, 2, 6) == [0, 1, 1, 4, 3, -1]
+
+
+def test_progress_is_that_of_the_action_taken() -> None:
+    """MOVE's errors are 8, 6, 4, 2, the other action's 9, 1, 1, 5: neither's progress is the other's."""
+    paid = progress(made("progress", window=2), 8, 6, 9, 4, 1, 2, 1, 5, moved="mm-m-m--")
+    assert paid == [0, 1, 0, 1, 4, 4, 0, 2]
 
 
 def test_progress_needs_what_was_expected() -> None:

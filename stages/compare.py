@@ -82,8 +82,7 @@ def check(name: str, study: studies.Study) -> None:
             f"{studies.PATH}: studies.{name}.measures has {', '.join(map(repr, unknown))}; "
             f"known are {', '.join(measures.MEASURES)}."
         )
-    cells = [cell for cell in study.pairs(next(iter(study.variants))) if study.space]
-    if study.space and not space.complete(claims.CLAIMS, cells):
+    if study.space and not space.complete(claims.CLAIMS, study.pairs(next(iter(study.variants)))):
         raise console.StageError(
             f"{studies.PATH}: studies.{name}.cells complete no claim, so that there is no map of any."
         )

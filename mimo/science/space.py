@@ -9,7 +9,7 @@ Effects are cut off CLIPPED times a border's distance from 0 beyond it before a 
 where they lie beside their region, and a few far ones would else decide it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,7 +66,7 @@ class _Tested:
     places: Array
 
 
-def complete(claims: Sequence[Claim], cells: Sequence[Cell]) -> list[Claim]:
+def complete(claims: Sequence[Claim], cells: Container[Cell]) -> list[Claim]:
     """The claims none of whose tests lacks a cell."""
     return [
         claim

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mimo.record.streams import CONDITIONS
 from mimo.science import components, judgement, measures, summary
 from mimo.science.measures import MEASURES, Found, Measure
 from mimo.settings.studies import FIGURES, Study
@@ -21,7 +22,6 @@ from stages.page.charted import Charted
 
 STATES = RISEN, FLAT, FALLEN, OPEN = "risen", "flat", "fallen", "open"
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
-LIMBLESS = 2  # underscores in r2_CONDITION_AXIS; a limb's own R² on an axis on which it hardly pulls means little
 DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
 
@@ -350,14 +350,11 @@ class Studied:
                 found.append(_drawn(condition, reward, held))
         return found
 
-    def probes(self, start: str = "r2_") -> list[float]:
-        """R² of the variants' own encoders, each axis and condition, all limbs together, in order."""
-        return sorted(
-            value
-            for own in self.variants.values()
-            for name, value in own["probe"].items()
-            if name.startswith(start) and name.count("_") == LIMBLESS
-        )
+    def probes(self) -> list[float]:
+        """R² of the variants' own encoders, in order; a limb's own where it hardly pulls means little."""
+        axes = [f"r2_{condition}_{axis}" for condition in CONDITIONS for axis in "xyz"]
+        probed = [own["probe"] for own in self.variants.values() if own["probe"]]
+        return sorted(probe[axis] for probe in probed for axis in axes)
 
     def _cell(self, variant: str, name: str, effects: Effects) -> Cell:
         condition, reward = name.split("/")

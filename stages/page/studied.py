@@ -75,6 +75,7 @@ class Turn:
     group: str
     says: str
     unit: str
+    region: list[float | None]
     before: str
     after: str
     published: Found
@@ -113,14 +114,9 @@ class Line:
             last = value
         return last
 
-    def starts(self, low: float) -> float | None:
-        """The value from which, to the last, every whole interval lies above `low`; None if none does."""
-        first = None
-        for value, found in reversed(self.points.items()):
-            if not found.within(low, np.inf):
-                break
-            first = value
-        return first
+    def above(self, low: float) -> list[float]:
+        """The values at which the whole interval lies above `low`."""
+        return [value for value, found in self.points.items() if found.within(low, np.inf)]
 
 
 @dataclass(frozen=True)
@@ -300,6 +296,16 @@ class Studied:
         held = [cell for cell in self.of(condition=condition, reward=reward) if measure in cell.effects]
         return min(held, key=lambda cell: cell.effects[measure].effect, default=None)
 
+    def beside(self, cell: Cell, variant: str, measure: str) -> Found:
+        """The change of a cell's measure from another variant's, same condition, reward and seeds."""
+        name = f"{cell.condition}/{cell.reward}"
+        own, other = (self.variants[each]["cells"][name][measure] for each in (cell.variant, variant))
+        return _change(own, other)
+
+    def all_seeds(self, condition: str, reward: str, measure: str) -> Found:
+        """The published effect, of every published seed."""
+        return _summed(list(self._paper(condition, reward)[measure]))
+
     def moved(self, measure: str) -> list[Cell]:
         """Cells whose measure is certainly another than the published one."""
         return [cell for cell in self.cells if measure in cell.changes and cell.changes[measure].certain]
@@ -467,7 +473,8 @@ def _turned(
     change = _change(test["seeds"], twins)
     if word == test["verdict"] or not change.certain:
         return None
-    return Turn(variant, claim, group, test["says"], test["unit"], word, test["verdict"], published, own, change)
+    says, unit, region = test["says"], test["unit"], test["region"]
+    return Turn(variant, claim, group, says, unit, region, word, test["verdict"], published, own, change)
 
 
 def _size(found: Found) -> float:

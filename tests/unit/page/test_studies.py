@@ -167,8 +167,8 @@ def test_a_change_that_is_certain_is_marked_and_no_other(html: str) -> None:
 def test_tests_that_turn_are_told_and_no_others(html: str) -> None:
     words = plain(section(html, "study-asking"))
     assert (
-        "1 of 2 turn some test’s verdict. From holds to fails, or back, the largest change of each: lost, 2 of 2 tests"
-        in words
+        "1 of 2 variants turn some test’s verdict. From holds to fails, or back, of each the change that is largest by "
+        "its interval’s width: lost, 2 of 2 tests" in words
     )
     assert "No test turns with kept" in words
     assert "holds → fails" in words
@@ -192,8 +192,8 @@ def test_a_state_is_where_the_whole_interval_lies(bounds: tuple[float, float] | 
 def test_up_to_where_and_from_where_an_effect_counts() -> None:
     sure, unsure = Found(0.2, (0.1, 0.3), 5, []), Found(0.2, (0.0, 0.4), 5, [])
     line = studied.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
-    assert (line.reaches(0.05), line.starts(0.05)) == (5.0, 20.0)
-    assert (line.reaches(0.5), line.starts(0.5)) == (None, None)
+    assert (line.reaches(0.05), line.above(0.05)) == (5.0, [0.0, 5.0, 20.0])
+    assert (line.reaches(0.5), line.above(0.5)) == (None, [])
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -17,7 +17,7 @@ from mimo.settings.studies import PATH as SETTINGS
 from mimo.settings.studies import Studies
 from stages import studies
 from stages.base import console, paths
-from stages.page import constants, page, studied
+from stages.page import compared, constants, page, studied
 from tests.unit.page import fabricated
 from tests.unit.page.reading import Page, plain, rows
 
@@ -177,21 +177,21 @@ def test_tests_that_turn_are_told_and_no_others(html: str) -> None:
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
-        ((0.06, 0.2), studied.RISEN),
-        ((-0.04, 0.04), studied.FLAT),
-        ((0.01, 0.04), studied.FLAT),
-        ((-0.2, -0.06), studied.FALLEN),
-        ((0.04, 0.06), studied.OPEN),
-        (None, studied.OPEN),
+        ((0.06, 0.2), compared.RISEN),
+        ((-0.04, 0.04), compared.FLAT),
+        ((0.01, 0.04), compared.FLAT),
+        ((-0.2, -0.06), compared.FALLEN),
+        ((0.04, 0.06), compared.OPEN),
+        (None, compared.OPEN),
     ],
 )
 def test_a_state_is_where_the_whole_interval_lies(bounds: tuple[float, float] | None, said: str) -> None:
-    assert studied.state(Found(0.1, bounds, 5, []), MEASURES["lead"]) == said
+    assert compared.state(Found(0.1, bounds, 5, []), MEASURES["lead"]) == said
 
 
 def test_up_to_where_and_from_where_an_effect_counts() -> None:
     sure, unsure = Found(0.2, (0.1, 0.3), 5, []), Found(0.2, (0.0, 0.4), 5, [])
-    line = studied.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
+    line = compared.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
     assert (line.reaches(0.05), line.above(0.05)) == (5.0, [0.0, 5.0, 20.0])
     assert (line.reaches(0.5), line.above(0.5)) == (None, [])
 

@@ -139,6 +139,16 @@ class Studied:
         """How many tests a variant's cells answer."""
         return sum(1 for claim in self.variants[variant]["claims"] for _ in _judged(claim))
 
+    def judged(self, variant: str, tests: bool = False) -> dict[str, str]:
+        """A variant's verdicts, or its tests', of the claims all of whose cells it has, named as Charted.foretold."""
+        found: dict[str, str] = {}
+        for claim in self.variants[variant]["claims"]:
+            for group in judgement.GROUPS if claim["complete"] else ():
+                name = f"{claim['name']}, as {group}"
+                held = {f"{name}: {test['name']}": test["verdict"] for test in claim[group]["tests"]}
+                found |= held if tests else {name: claim[group]["verdict"]}
+        return found
+
     @property
     def most(self) -> str:
         """The variant with which most tests turn."""

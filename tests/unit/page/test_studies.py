@@ -213,6 +213,34 @@ def test_every_shipped_study_is_answered_by_a_template_of_its_own(name: str) -> 
         assert "nan" not in words.split()
 
 
+def test_verdicts_told_are_of_claims_all_of_whose_cells_there_are(
+    asked: Studies, made: dict[str, dict[str, Any]]
+) -> None:
+    own = json.loads(json.dumps(made["asking"]))
+    free, noisy = own["variants"]["lost"]["claims"]
+    noisy["complete"], free["said"]["verdict"] = False, "holds"
+    found = studied.studied(asked.studies, {"asking": own}, fabricated.judged(effect))[0]
+    assert found.judged("lost") == {"claim free/cais, as shown": "fails", "claim free/cais, as said": "holds"}
+    assert found.judged("lost", tests=True) == {"claim free/cais, as shown: free/cais": "fails"}
+    assert set(found.judged("kept").values()) == {"holds"}
+
+
+def test_what_fresh_seeds_find_stands_beside_what_the_map_foretold() -> None:
+    """Of a point in the upper half the map foretells that claim 1 holds, as shown, and fails, as said."""
+    asked = fabricated.studies(map=ASKED["mapped"], confirmed={"seeds": 3, "variants": {"p00": {"set": {}}}})
+    made = computed(asked)
+    point = first_of(written(asked, made), "study-map")
+    asked.studies["confirmed"].variants[point] = asked.studies["confirmed"].variants.pop("p00")
+    made = computed(asked)
+    for claim in made["confirmed"]["variants"][point]["claims"]:
+        claim["name"] = "1 one"
+        claim["shown"]["tests"][0] |= {"name": "own", "verdict": "undecided"}
+    words = plain(section(written(asked, made), "study-confirmed"))
+    assert f"{point}. Holds: 1 one, as shown; 1 one, as said." in words
+    assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
+    assert "Tests: of 1 foretold to hold, found 1 undecided." in words
+
+
 def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str) -> None:
     words = plain(section(html, "study-dose"))
     assert "from 0 to 80" in words
@@ -236,8 +264,8 @@ def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None
         assert said.replace("p00", first_of(html)) in words, said
 
 
-def first_of(html: str) -> str:
-    return next(row[0] for row in rows(html, "study-mapped") if re.fullmatch(r"p0\d", row[0]))
+def first_of(html: str, name: str = "study-mapped") -> str:
+    return next(row[0] for row in rows(html, name) if re.fullmatch(r"p0\d", row[0]))
 
 
 def test_a_maps_tables_have_its_verdicts_tests_and_points(html: str) -> None:

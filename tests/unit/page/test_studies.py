@@ -259,7 +259,7 @@ def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None
         "Of those the largest single share is gain’s in 2.",
         "1 of 2 effects of the published runs lie within two SD of the surface.",
         "hardly ever at one place: 1 one, as shown with 1 one, as said.",
-        "Points with most, foretold and not confirmed: p00 (1 of 2 verdicts, 1 of 2 tests)",
+        "Points with most, foretold by the seeds that draw the map: p00 (1 of 2 verdicts, 1 of 2 tests)",
     ):
         assert said.replace("p00", first_of(html)) in words, said
 

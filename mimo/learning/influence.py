@@ -24,7 +24,7 @@ class Models:
         Args:
             inputs: length of the state s.
             latent: length of h.
-            memory: transitions that batches are drawn from, and steps that the variance is a mean over.
+            memory: transitions that batches are drawn from, and steps that the variance is a running mean over.
             batch: transitions that a model learns from in a step.
             rate: of AdamW.
             generators: one a seed; each draws its seed's batches.

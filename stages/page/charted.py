@@ -139,6 +139,15 @@ class Charted:
             found.append((name, held[0], held[1], [self.points[name][key] for key in self.ranges]))
         return found
 
+    def foretold(self, point: str, tests: bool = False) -> dict[str, str]:
+        """Verdicts at a point, by claim and `shown` or `said`; or the tests', by that and the test."""
+        place = list(self.points).index(point)
+        if tests:
+            held = {f"{test['claim']}, as {test['group']}: {test['name']}": test for test in self.tests}
+        else:
+            held = {f"{each['claim']}, as {each['group']}": each for each in self.made["verdicts"]}
+        return {name: own["points"][place] for name, own in held.items()}
+
     def largest(self, test: Mapping[str, Any], number: int = 3) -> list[tuple[str, float]]:
         """The constants, and pairs of them, that have most of a test's variance, if it is among `told`."""
         if test not in self.told:

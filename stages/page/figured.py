@@ -6,7 +6,8 @@ from mimo.science import summary
 from mimo.science.measures import Found
 from stages.drawing import mapped
 from stages.drawing import studied as drawing
-from stages.page.studied import Cell, Studied
+from stages.page.compared import Cell
+from stages.page.studied import Studied
 
 OWN, PUBLISHED = "the variant's runs", "published runs, same seeds"
 

@@ -24,7 +24,7 @@ from mimo.world import body
 from stages.base import console, origin, paths
 from stages.base.numbers import number
 from stages.drawing.style import COLOURS, OTHER_COLOUR
-from stages.page import captions, figured, studied, verdicts
+from stages.page import captions, compared, figured, studied, verdicts
 from stages.page.constants import Constant
 
 HTML = Path(__file__).with_name("html")
@@ -204,7 +204,7 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
     )
     environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
-    environment.filters |= {"found": studied.effect, "listed": studied.listed, "state": studied.state}
+    environment.filters |= {"found": compared.effect, "listed": studied.listed, "state": compared.state}
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip, verdicts.refuted)}
     environment.globals["strip_width"] = verdicts.WIDTH
     style, level = (HTML / "style.css").read_text(encoding="utf-8"), f"{100 * values['judged']['level']:g}\u00a0%"

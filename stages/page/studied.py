@@ -1,155 +1,26 @@
 """A study's numbers, as reports/studies/STUDY.json has them, in the order and the company in which the page shows them.
 
-Every effect stands beside the published one of the same seeds, and the change between the two is of each seed with its
-own twin. What a study's answer is made of is here; the words are in html/answers and html/kinds.
+Every effect stands beside the published one of the same seeds, as compared.py has it. What a study's answer
+is made of is here; the words are in html/answers and html/kinds.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mimo.record.streams import CONDITIONS
-from mimo.science import components, judgement, measures, summary
+from mimo.science import judgement
 from mimo.science.measures import MEASURES, Found, Measure
 from mimo.settings.studies import FIGURES, Study
-from stages.base.numbers import number
-from stages.page import verdicts
+from stages.page import compared, verdicts
 from stages.page.charted import Charted
+from stages.page.compared import STATES, Cell, Drawn, Effects, Line, Turn
 
-STATES = RISEN, FLAT, FALLEN, OPEN = "risen", "flat", "fallen", "open"
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
 DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
-
-Effects = Mapping[str, list[float | None]]  # in each seed, by measure
-
-
-@dataclass(frozen=True)
-class Compared:
-    """A variant's effect, the published one of the same seeds, and the change from seed to same seed.
-
-    Without a published cell to compare with, the last two are None.
-    """
-
-    own: Found
-    published: Found | None = None
-    change: Found | None = None
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A condition and reward of a variant; `twin` is the published reward beside it, by measure what is `found`."""
-
-    variant: str
-    condition: str
-    reward: str
-    twin: str | None
-    found: Mapping[str, Compared]
-
-    @property
-    def label(self) -> str:
-        """`noisy, CAIS`."""
-        return f"{self.condition}, {summary.label(self.reward)}"
-
-    @property
-    def effects(self) -> dict[str, Found]:
-        """Its own, by measure."""
-        return {name: found.own for name, found in self.found.items()}
-
-    @property
-    def changes(self) -> dict[str, Found]:
-        """From the published ones, by measure."""
-        return {name: found.change for name, found in self.found.items() if found.change}
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A claim's test that a variant answers otherwise than the published runs of the same seeds do."""
-
-    variant: str
-    claim: str
-    group: str
-    says: str
-    unit: str
-    before: str
-    after: str
-    published: Found
-    own: Found
-    change: Found
-
-    @property
-    def outright(self) -> bool:
-        """Whether it is from `holds` to `fails`, or back."""
-        return judgement.UNDECIDED not in (self.before, self.after)
-
-
-@dataclass(frozen=True)
-class Line:
-    """A reward's effect in a condition along the study's axis, `points` in its order.
-
-    `trend` is the least-squares line's rise in each seed, from the axis' first value to its last.
-    """
-
-    condition: str
-    reward: str
-    points: dict[float, Found]
-    trend: Found
-
-    @property
-    def label(self) -> str:
-        """`noisy, CAIS`."""
-        return f"{self.condition}, {summary.label(self.reward)}"
-
-    def reaches(self, low: float) -> float | None:
-        """The value up to which, from the least on, every whole interval lies above `low`; None if none does."""
-        last = None
-        for value, found in self.points.items():
-            if not found.within(low, np.inf):
-                break
-            last = value
-        return last
-
-    def starts(self, low: float) -> float | None:
-        """The value from which, to the last, every whole interval lies above `low`; None if none does."""
-        first = None
-        for value, found in reversed(self.points.items()):
-            if not found.within(low, np.inf):
-                break
-            first = value
-        return first
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A cell's effect with every encoder, the published one first: whose its variance is, and both its intervals.
-
-    `both` is over encoders and seeds, None where there are too few; `published` over the same seeds, of one encoder.
-    """
-
-    condition: str
-    reward: str
-    each: Mapping[str, Found]
-    centre: float
-    both: tuple[float, float] | None
-    published: Found
-    parts: components.Components | None
-
-    def told(self, measure: Measure) -> str:
-        """The state that the interval over both tells."""
-        return state(Found(self.centre, self.both, self.published.n, self.published.seeds), measure)
-
-    def otherwise(self, measure: Measure) -> bool:
-        """Whether that is another than the published encoder's alone."""
-        return self.told(measure) != state(self.published, measure)
-
-    @property
-    def label(self) -> str:
-        """`noisy, CAIS`."""
-        return f"{self.condition}, {summary.label(self.reward)}"
 
 
 @dataclass(frozen=True)
@@ -239,7 +110,7 @@ class Studied:
         for condition, reward in dict.fromkeys((cell.condition, cell.twin) for cell in self.cells if cell.twin):
             effects = self._paper(condition, reward)
             found[condition, reward] = {
-                name: _summed(twins)
+                name: compared.summed(twins)
                 for name in self.study.measures
                 if name in effects and (twins := self._twins(effects[name]))
             }
@@ -256,7 +127,7 @@ class Studied:
             for claim in own["claims"]:
                 for group, test in _judged(claim):
                     before = published.get((claim["name"], group, test["name"]))
-                    turn = before and _turned(variant, claim["name"], group, before, test, self.study.first)
+                    turn = before and compared.turned(variant, claim["name"], group, before, test, self.study.first)
                     found += [turn] if turn else []
         return found
 
@@ -268,6 +139,27 @@ class Studied:
         """How many tests a variant's cells answer."""
         return sum(1 for claim in self.variants[variant]["claims"] for _ in _judged(claim))
 
+    def judged(self, variant: str, tests: bool = False) -> dict[str, str]:
+        """A variant's verdicts, or its tests', of the claims all of whose cells it has, named as Charted.foretold."""
+        found: dict[str, str] = {}
+        for claim in self.variants[variant]["claims"]:
+            for group in judgement.GROUPS if claim["complete"] else ():
+                name = f"{claim['name']}, as {group}"
+                held = {f"{name}: {test['name']}": test["verdict"] for test in claim[group]["tests"]}
+                found |= held if tests else {name: claim[group]["verdict"]}
+        return found
+
+    def against(self, charted: "Studied", tests: bool = False) -> dict[str, dict[str, list[str]]]:
+        """Verdicts, or tests, at points of a map: by what it foretells, then by what is found, `point: name`."""
+        both: dict[str, dict[str, list[str]]] = {}
+        for point in self.variants:
+            foretold = charted.space.foretold(point, tests) if point in charted.variants else {}
+            found = self.judged(point, tests)
+            for name in foretold:
+                if name in found:
+                    both.setdefault(foretold[name], {}).setdefault(found[name], []).append(f"{point}: {name}")
+        return both
+
     @property
     def most(self) -> str:
         """The variant with which most tests turn."""
@@ -276,11 +168,11 @@ class Studied:
     @property
     def strongest(self) -> Turn:
         """Of those that turn outright, the one whose change is largest beside its interval's width."""
-        return max((turn for turn in self.turns if turn.outright), key=lambda turn: _size(turn.change))
+        return max((turn for turn in self.turns if turn.outright), key=lambda turn: turn.size)
 
     def largest(self, variant: str) -> Turn:
         """Of a variant's turns, as `strongest`, those outright first."""
-        return max(self.turning(variant), key=lambda turn: (turn.outright, _size(turn.change)))
+        return max(self.turning(variant), key=lambda turn: (turn.outright, turn.size))
 
     @property
     def whole(self) -> int:
@@ -292,13 +184,23 @@ class Studied:
         held = [cell for cell in self.of(condition=condition) if measure in (cell.changes if changes else cell.effects)]
         found: dict[str, list[Cell]] = {name: [] for name in STATES}
         for cell in held:
-            found[state((cell.changes if changes else cell.effects)[measure], MEASURES[measure])].append(cell)
+            found[compared.state((cell.changes if changes else cell.effects)[measure], MEASURES[measure])].append(cell)
         return {name: cells for name, cells in found.items() if cells}
 
     def least(self, measure: str, reward: str, condition: str) -> Cell | None:
         """Of a reward's cells in a condition, that with the least effect."""
         held = [cell for cell in self.of(condition=condition, reward=reward) if measure in cell.effects]
         return min(held, key=lambda cell: cell.effects[measure].effect, default=None)
+
+    def beside(self, cell: Cell, variant: str, measure: str) -> Found:
+        """The change of a cell's measure from another variant's, same condition, reward and seeds."""
+        name = f"{cell.condition}/{cell.reward}"
+        own, other = (self.variants[each]["cells"][name][measure] for each in (cell.variant, variant))
+        return compared.change(own, other)
+
+    def all_seeds(self, condition: str, reward: str, measure: str) -> Found:
+        """The published effect, of every published seed."""
+        return compared.summed(list(self._paper(condition, reward)[measure]))
 
     def moved(self, measure: str) -> list[Cell]:
         """Cells whose measure is certainly another than the published one."""
@@ -315,7 +217,7 @@ class Studied:
                 points.setdefault(float(own["published"][self.study.axis]), self._same(condition, reward, measure))
             held = {value: points[value] for value in sorted(points) if points[value]}
             if held:
-                found.append(_line(condition, reward, held))
+                found.append(compared.line(condition, reward, held))
         return found
 
     @property
@@ -347,7 +249,7 @@ class Studied:
             each |= {variant: own["cells"].get(name, {}).get(measure) for variant, own in self.variants.items()}
             held = {own: effects for own, effects in each.items() if effects}
             if "published" in held:
-                found.append(_drawn(condition, reward, held))
+                found.append(compared.drawn(condition, reward, held))
         return found
 
     def probes(self) -> list[float]:
@@ -361,7 +263,7 @@ class Studied:
         twin = next((own for own in (reward, REFERENCE) if f"{condition}/{own}" in self.made["paper"]), None)
         paper: Effects = self._paper(condition, twin) if twin else {}
         found = {
-            measure: _compared(effects[measure], self._twins(paper.get(measure, [])))
+            measure: compared.compared(effects[measure], self._twins(paper.get(measure, [])))
             for measure in self.study.measures
             if measure in effects
         }
@@ -395,103 +297,12 @@ def studied(
     return [Studied(name, study, made[name], claims["claims"]) for name, study in studies.items() if name in made]
 
 
-def effect(found: Found | None, digits: int = 2) -> str:
-    """`0.12 [0.08, 0.15]`, or a dash; without interval where there is none."""
-    if found is None or not np.isfinite(found.effect):
-        return number(None)
-    bounds = found.interval
-    ends = f"\u00a0[{number(bounds[0], digits)}, {number(bounds[1], digits)}]" if bounds else ""
-    return number(found.effect, digits) + ends
-
-
-def state(found: Found, measure: Measure) -> str:
-    """One of STATES, by where the whole interval lies: beyond what counts, above or below, or within it; else open."""
-    low = abs(measure.low)
-    if found.within(low, np.inf):
-        return RISEN
-    if found.within(-low, low):
-        return FLAT
-    return FALLEN if found.within(-np.inf, -low) else OPEN
-
-
 def listed(texts: Iterable[str], last: str = "and") -> str:
     """`a, b and c`."""
     *most, end = list(texts) or [""]
     return f"{', '.join(most)} {last} {end}" if most else end
 
 
-def summed(effects: Iterable[float | None]) -> Found:
-    """As mimo.science.measures has it, once for the same effects; what is no number is None in JSON."""
-    return _summed(list(effects))
-
-
-def _summed(effects: list[float | None]) -> Found:
-    return _once(tuple(np.nan if effect is None else float(effect) for effect in effects))
-
-
-@cache
-def _once(effects: tuple[float, ...]) -> Found:
-    return measures.summed(list(effects))
-
-
-def _compared(own: list[float | None], twins: list[float | None]) -> Compared:
-    if not twins:
-        return Compared(_summed(own))
-    return Compared(_summed(own), _summed(twins[: len(own)]), _change(own, twins))
-
-
-def _change(own: list[float | None], paper: list[float | None]) -> Found:
-    """Of each seed that both have."""
-    return _summed([None if None in pair else pair[0] - pair[1] for pair in zip(own, paper, strict=False)])  # type: ignore[operator]
-
-
 def _judged(claim: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """The tests that verdicts are made of."""
     yield from ((group, test) for group, test in verdicts.tests(claim) if group in judgement.GROUPS)
-
-
-def _turned(
-    variant: str, claim: str, group: str, before: Mapping[str, Any], test: Mapping[str, Any], first: int
-) -> Turn | None:
-    """None where the verdict is the published one of the same seeds, or where the effect may be the same.
-
-    A published test that is saturated with all its seeds is so with some of them.
-    """
-    twins = before["seeds"][first : first + test["n"]]
-    if len(twins) < test["n"]:
-        return None
-    published, own = _summed(twins), _summed(test["seeds"])
-    low, high = (-np.inf if test["region"][0] is None else test["region"][0]), test["region"][1]
-    bounds = None if before["saturated"] else published.interval
-    word = judgement.verdict(bounds, low, np.inf if high is None else high)
-    change = _change(test["seeds"], twins)
-    if word == test["verdict"] or not change.certain:
-        return None
-    return Turn(variant, claim, group, test["says"], test["unit"], word, test["verdict"], published, own, change)
-
-
-def _size(found: Found) -> float:
-    """An effect in widths of its interval."""
-    return abs(found.effect) / ((found.interval[1] - found.interval[0]) or 1.0) if found.interval else 0.0
-
-
-def _line(condition: str, reward: str, points: Mapping[float, list[float | None]]) -> Line:
-    """The trend is over the seeds that every point has."""
-    values = np.array(list(points))
-    seeds = min(len(effects) for effects in points.values())
-    held = np.array([effects[:seeds] for effects in points.values()], np.float64)
-    away = values - values.mean()
-    spread = float((away**2).sum())
-    slopes = away @ held / spread if spread else np.full(seeds, np.nan)
-    trend = _summed((slopes * float(np.ptp(values))).tolist())
-    return Line(condition, reward, {value: _summed(effects) for value, effects in points.items()}, trend)
-
-
-def _drawn(condition: str, reward: str, each: Mapping[str, list[float | None]]) -> Drawn:
-    seeds = min(len(effects) for effects in each.values())
-    held = np.array([effects[:seeds] for effects in each.values()], np.float64)
-    found = {name: _summed(effects[:seeds]) for name, effects in each.items()}
-    return Drawn(
-        condition, reward, found, components.centre(held), components.interval(held), found["published"],
-        components.components(held),
-    )  # fmt: skip

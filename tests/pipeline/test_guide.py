@@ -47,7 +47,8 @@ def blocks(section: str, language: str) -> list[str]:
 def test_no_block_goes_without_a_test() -> None:
     tested = {
         "A reward": ["python", "yaml"],
-        "A condition": ["yaml", "yaml", "diff"],
+        "A study": ["yaml"],
+        "A condition": ["yaml", "diff"],
         "Your own learner": ["python", "python"],
         "Reading an artifact": ["python", "python"],
         "One constant, and what follows": ["sh"],
@@ -93,7 +94,7 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
     (reward,) = blocks("A reward", "python")
     (project / "mimo/learning/rewards/stillness.py").write_text(reward)
     set_params(project, blocks("A reward", "yaml")[0])
-    set_params(project, blocks("A condition", "yaml")[0])
+    set_params(project, blocks("A study", "yaml")[0])
     (commands,) = blocks("One constant, and what follows", "sh")
     first, *others = commands.splitlines()
     assert first == "dvc repro"
@@ -120,7 +121,7 @@ def test_a_reward_and_a_variant_compute_their_runs_alone(project: Path) -> None:
 
 
 def test_a_third_condition_is_seen_learned_in_and_analysed(project: Path) -> None:
-    set_params(project, blocks("A condition", "yaml")[1])
+    set_params(project, blocks("A condition", "yaml")[0])
     set_params(project, "sweep: {rewards: [mtl]}\nfilm: {run: mtl/seed-000}")
     (edits,) = blocks("A condition", "diff")
     replace(project, edits)

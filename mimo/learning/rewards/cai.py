@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 class CAI(Reward):
     """KL(p(h'|s, MOVE) || p(h'|s)) in nats, mean over the latent, of a joint that moved, else 0, as CAIS is paid.
 
+    Its authors take the mean over actions drawn evenly, and networks whose variance knows the state. Here MOVE's own
+    part is paid, against the policy's mixture, as p(h) of CAIS is: it fades as P(MOVE) nears 1.
+
     The state s is the joint angles, h before the step and 1. p(h'|s, a) is a Gaussian, whose mean is linear in s for
     each action and whose variance both actions share. p(h'|s) is the policy's mixture of the two, taken for the
     Gaussian with its mean and variance, as mixtures have no KL in closed form (Hershey & Olsen 2007, ICASSP).
@@ -32,7 +35,7 @@ class CAI(Reward):
         """Of the models.
 
         Attributes:
-            memory: transitions that batches are drawn from, and steps that the variance is a mean over.
+            memory: transitions that batches are drawn from, and steps that the variance is a running mean over.
             batch: transitions that a model learns from in a step.
             learning_rate: of AdamW.
             floor: the least SD of a Gaussian, in units of h.

@@ -17,7 +17,7 @@ from mimo.settings.studies import PATH as SETTINGS
 from mimo.settings.studies import Studies
 from stages import studies
 from stages.base import console, paths
-from stages.page import constants, page, studied
+from stages.page import compared, constants, page, studied
 from tests.unit.page import fabricated
 from tests.unit.page.reading import Page, plain, rows
 
@@ -167,8 +167,8 @@ def test_a_change_that_is_certain_is_marked_and_no_other(html: str) -> None:
 def test_tests_that_turn_are_told_and_no_others(html: str) -> None:
     words = plain(section(html, "study-asking"))
     assert (
-        "1 of 2 turn some test’s verdict. From holds to fails, or back, the largest change of each: lost, 2 of 2 tests"
-        in words
+        "1 of 2 variants turn some test’s verdict. From holds to fails, or back, of each the change that is largest by "
+        "its interval’s width: lost, 2 of 2 tests" in words
     )
     assert "No test turns with kept" in words
     assert "holds → fails" in words
@@ -177,23 +177,23 @@ def test_tests_that_turn_are_told_and_no_others(html: str) -> None:
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
-        ((0.06, 0.2), studied.RISEN),
-        ((-0.04, 0.04), studied.FLAT),
-        ((0.01, 0.04), studied.FLAT),
-        ((-0.2, -0.06), studied.FALLEN),
-        ((0.04, 0.06), studied.OPEN),
-        (None, studied.OPEN),
+        ((0.06, 0.2), compared.RISEN),
+        ((-0.04, 0.04), compared.FLAT),
+        ((0.01, 0.04), compared.FLAT),
+        ((-0.2, -0.06), compared.FALLEN),
+        ((0.04, 0.06), compared.OPEN),
+        (None, compared.OPEN),
     ],
 )
 def test_a_state_is_where_the_whole_interval_lies(bounds: tuple[float, float] | None, said: str) -> None:
-    assert studied.state(Found(0.1, bounds, 5, []), MEASURES["lead"]) == said
+    assert compared.state(Found(0.1, bounds, 5, []), MEASURES["lead"]) == said
 
 
 def test_up_to_where_and_from_where_an_effect_counts() -> None:
     sure, unsure = Found(0.2, (0.1, 0.3), 5, []), Found(0.2, (0.0, 0.4), 5, [])
-    line = studied.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
-    assert (line.reaches(0.05), line.starts(0.05)) == (5.0, 20.0)
-    assert (line.reaches(0.5), line.starts(0.5)) == (None, None)
+    line = compared.Line("noisy", "mtl", {0.0: sure, 5.0: sure, 10.0: unsure, 20.0: sure}, sure)
+    assert (line.reaches(0.05), line.above(0.05)) == (5.0, [0.0, 5.0, 20.0])
+    assert (line.reaches(0.5), line.above(0.5)) == (None, [])
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -211,6 +211,38 @@ def test_every_shipped_study_is_answered_by_a_template_of_its_own(name: str) -> 
         words = plain(section(written(study, made), f"study-{name}"))
         assert f"n = {seeds}" in words
         assert "nan" not in words.split()
+
+
+def test_verdicts_told_are_of_claims_all_of_whose_cells_there_are(
+    asked: Studies, made: dict[str, dict[str, Any]]
+) -> None:
+    own = json.loads(json.dumps(made["asking"]))
+    free, noisy = own["variants"]["lost"]["claims"]
+    noisy["complete"], free["said"]["verdict"] = False, "holds"
+    found = studied.studied(asked.studies, {"asking": own}, fabricated.judged(effect))[0]
+    assert found.judged("lost") == {"claim free/cais, as shown": "fails", "claim free/cais, as said": "holds"}
+    assert found.judged("lost", tests=True) == {"claim free/cais, as shown: free/cais": "fails"}
+    assert set(found.judged("kept").values()) == {"holds"}
+
+
+def test_what_fresh_seeds_find_stands_beside_what_the_map_foretold() -> None:
+    """Of a point in the upper half the map foretells that claim 1 holds, as shown, and fails, as said."""
+    asked = fabricated.studies(map=ASKED["mapped"], confirmed={"seeds": 3, "variants": {"p00": {"set": {}}}})
+    made = computed(asked)
+    point = first_of(written(asked, made), "study-map")
+    asked.studies["confirmed"].variants[point] = asked.studies["confirmed"].variants.pop("p00")
+    made = computed(asked)
+    for claim in made["confirmed"]["variants"][point]["claims"]:
+        claim["name"] = "1 one"
+        claim["shown"]["tests"][0] |= {"name": "own", "verdict": "undecided"}
+    html = written(asked, made)
+    words = plain(section(html, "study-confirmed"))
+    assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
+    assert "Tests of which they are made: of 1 foretold to hold, found 1 undecided." in words
+    assert f"Verdicts found to hold: 2 of 2 at {point}." in words
+    assert [row for row in rows(html, "study-confirmed") if row[0].startswith("1 one")] == [
+        ["1 one, as shown", "holds"], ["1 one, as said", "holds foretold fails"],
+    ]  # fmt: skip
 
 
 def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str) -> None:
@@ -231,13 +263,13 @@ def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None
         "Of those the largest single share is gain’s in 2.",
         "1 of 2 effects of the published runs lie within two SD of the surface.",
         "hardly ever at one place: 1 one, as shown with 1 one, as said.",
-        "Points with most, foretold and not confirmed: p00 (1 of 2 verdicts, 1 of 2 tests)",
+        "Points with most, foretold by the seeds that draw the map: p00 (1 of 2 verdicts, 1 of 2 tests)",
     ):
         assert said.replace("p00", first_of(html)) in words, said
 
 
-def first_of(html: str) -> str:
-    return next(row[0] for row in rows(html, "study-mapped") if re.fullmatch(r"p0\d", row[0]))
+def first_of(html: str, name: str = "study-mapped") -> str:
+    return next(row[0] for row in rows(html, name) if re.fullmatch(r"p0\d", row[0]))
 
 
 def test_a_maps_tables_have_its_verdicts_tests_and_points(html: str) -> None:

@@ -204,15 +204,6 @@ def turned(
     return Turn(variant, claim, group, says, unit, region, word, test["verdict"], published, own, moved)
 
 
-def crossed(foretold: Mapping[str, str], found: Mapping[str, str]) -> dict[str, dict[str, list[str]]]:
-    """By what was foretold, then by what was found: the names that have both."""
-    both: dict[str, dict[str, list[str]]] = {}
-    for name in foretold:
-        if name in found:
-            both.setdefault(foretold[name], {}).setdefault(found[name], []).append(name)
-    return both
-
-
 def line(condition: str, reward: str, points: Mapping[float, list[float | None]]) -> Line:
     """The trend is over the seeds that every point has."""
     values = np.array(list(points))

@@ -205,7 +205,6 @@ def _rendered(template: str, sections: Iterable[tuple[str, str]], values: dict[s
     environment.filters |= {"number": number, "spread": spread, "reward": summary.label}
     environment.filters |= {f.__name__: f for f in (verdicts.effect, verdicts.interval, verdicts.region)}
     environment.filters |= {"found": compared.effect, "listed": studied.listed, "state": compared.state}
-    environment.filters["crossed"] = compared.crossed
     environment.filters |= {f.__name__: f for f in (verdicts.panels, verdicts.strip, verdicts.refuted)}
     environment.globals["strip_width"] = verdicts.WIDTH
     style, level = (HTML / "style.css").read_text(encoding="utf-8"), f"{100 * values['judged']['level']:g}\u00a0%"

@@ -149,6 +149,17 @@ class Studied:
                 found |= held if tests else {name: claim[group]["verdict"]}
         return found
 
+    def against(self, charted: "Studied", tests: bool = False) -> dict[str, dict[str, list[str]]]:
+        """Verdicts, or tests, at points of a map: by what it foretells, then by what is found, `point: name`."""
+        both: dict[str, dict[str, list[str]]] = {}
+        for point in self.variants:
+            foretold = charted.space.foretold(point, tests) if point in charted.variants else {}
+            found = self.judged(point, tests)
+            for name in foretold:
+                if name in found:
+                    both.setdefault(foretold[name], {}).setdefault(found[name], []).append(f"{point}: {name}")
+        return both
+
     @property
     def most(self) -> str:
         """The variant with which most tests turn."""

@@ -235,10 +235,14 @@ def test_what_fresh_seeds_find_stands_beside_what_the_map_foretold() -> None:
     for claim in made["confirmed"]["variants"][point]["claims"]:
         claim["name"] = "1 one"
         claim["shown"]["tests"][0] |= {"name": "own", "verdict": "undecided"}
-    words = plain(section(written(asked, made), "study-confirmed"))
-    assert f"{point}. Holds: 1 one, as shown; 1 one, as said." in words
+    html = written(asked, made)
+    words = plain(section(html, "study-confirmed"))
     assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
-    assert "Tests: of 1 foretold to hold, found 1 undecided." in words
+    assert "Tests of which they are made: of 1 foretold to hold, found 1 undecided." in words
+    assert f"Verdicts found to hold: 2 of 2 at {point}." in words
+    assert [row for row in rows(html, "study-confirmed") if row[0].startswith("1 one")] == [
+        ["1 one, as shown", "holds"], ["1 one, as said", "holds foretold fails"],
+    ]  # fmt: skip
 
 
 def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str) -> None:

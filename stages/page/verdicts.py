@@ -15,7 +15,7 @@ WIDTH, MARGIN = 160, 6  # of a strip, in pixels
 
 Ends = tuple[float | None, float | None] | list[float | None]
 Test = Mapping[str, Any]  # as mimo.science.judgement.evaluate describes it
-Judged = Mapping[str, Any]  # reports/claims.json, or a variant in reports/studies/variants.json
+Judged = Mapping[str, Any]  # reports/claims.json, or a variant in reports/studies/STUDY.json
 
 
 @dataclass(frozen=True)

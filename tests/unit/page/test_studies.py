@@ -222,7 +222,9 @@ def test_a_shipped_study_that_a_user_changes_has_a_page_too(change: dict[str, An
     words = plain(section(written(study, {name: fabricated.made(study.studies[name], effect)}), f"study-{name}"))
     assert f"n = {change.get('seeds', asked['seeds'])}" in words
     if "seeds" in change:
-        assert not re.search("certainly another than|turns a verdict|turn some|against CAIS|rises by, same seeds", words)
+        assert not re.search(
+            "certainly another than|turns a verdict|turn some|against CAIS|rises by, same seeds", words
+        )
 
 
 def test_a_study_of_other_variants_than_its_words_are_about_has_a_page_too() -> None:

@@ -179,6 +179,23 @@ class Studied:
         """Names of those that any variant has."""
         return list(dict.fromkeys(name for variant in self.variants for name in self.judged(variant)))
 
+    @cached_property
+    def same_seeds(self) -> dict[str, str]:
+        """The published runs' verdicts by the study's seeds alone, named as in `verdicts`; none if they lack some."""
+        found = {}
+        for claim in self.claims if self.paired else ():
+            for group in judgement.GROUPS:
+                tests = claim[group]["tests"]
+                seeds = [test["seeds"][self.study.first :][: self.seeds] for test in tests]
+                words = [compared.judged(test, own) for test, own in zip(tests, seeds, strict=True)]
+                found[f"{claim['name']}, as {group}"] = compared.together(words)
+        return {name: word for name, word in found.items() if name in self.verdicts}
+
+    @property
+    def turned(self) -> list[int]:
+        """How many tests turn, by variant."""
+        return [len(self.turning(variant)) for variant in self.variants]
+
     @property
     def most(self) -> str:
         """The variant with which most tests turn."""

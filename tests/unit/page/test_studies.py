@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo.science import judgement
+from mimo.science import components, judgement
 from mimo.science.measures import MEASURES, Found
 from mimo.settings.params import REWARDS
 from mimo.settings.studies import PATH as SETTINGS
@@ -84,6 +84,7 @@ def _few_resamples() -> Iterator[None]:
     """Of the bootstrap: what the page says does not hang on an interval's third digit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(judgement, "RESAMPLES", 1999)
+        patch.setattr(components, "DRAWS", 1999)
         yield
 
 
@@ -265,9 +266,10 @@ def test_what_fresh_seeds_find_stands_beside_what_the_map_foretold() -> None:
     words, found = told(html)
     assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
     assert "Tests of which they are made: of 1 foretold to hold, found 1 undecided." in words
-    assert re.search(r"Verdicts found to hold: 2 of 2 at p0\d, 2 of 2 at lone; n = 3, fresh\.", words)
-    assert found == [["1 one, as shown", "holds", "–"], ["1 one, as said", "holds foretold fails", "–"]]
-    assert rows(html, "study-confirmed")[3] == ["claim noisy/cais, as said", "–", "holds foretold nothing"]
+    assert re.search(r"Verdicts found to hold: 2 of 2 at p0\d, 2 of 2 at lone, 2 of 2 in the published runs", words)
+    assert "of the same seeds; n = 3, fresh." in words
+    assert found == [["1 one, as shown", "holds", "–", "–"], ["1 one, as said", "holds foretold fails", "–", "–"]]
+    assert rows(html, "study-confirmed")[3] == ["claim noisy/cais, as said", "–", "holds foretold nothing", "holds"]
 
 
 def test_a_point_of_other_values_was_foretold_nothing() -> None:
@@ -317,7 +319,7 @@ def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None
         "In nine tenths or more these fail: 1 one, as said (100 %).",
         "2 of 2 tests are foretold at points left out",
         "Of those the largest single share is gain’s in 2.",
-        "1 of 2 effects of the published runs lie within two SD of the surface.",
+        "1 of 2 effects of the published runs lie within two SD of the surface, where 2 would if surfaces knew",
         "hardly ever at one place: 1 one, as shown with 1 one, as said.",
         "Points with most, foretold by the seeds that draw the map: p00 (1 of 2 verdicts, 1 of 2 tests)",
     ):
@@ -366,6 +368,39 @@ def test_encoders_share_of_the_variance_is_told(html: str) -> None:
     assert max(seeds, rest) < 0.05
     assert share > 0.8
     assert "4 encoders" in plain(section(html, "study-drawn"))
+
+
+def test_tests_that_turn_with_the_encoder_alone_are_told_there_and_beside_the_constants() -> None:
+    asked = fabricated.studies(asking=ASKED["asking"], encoders=ASKED["drawn"])
+
+    def lost(variant: str, cell: str, measure: str) -> float:
+        return -0.2 if variant == "draw2" else 0.2
+
+    html = written(asked, {name: fabricated.made(study, lost) for name, study in asked.studies.items()})
+    assert "of 1: draw1 0, 0 outright; draw2 1, 1 outright; draw3 0, 0 outright." in plain(html)
+    assert "from 0 to 1 of 1 tests turn: what turns no more" in plain(section(html, "study-asking"))
+
+
+def test_a_share_of_a_variance_that_is_none_is_not_told() -> None:
+    """Runs differ by some .02 in the lead; a tenth of what counts of it is .005, of a measure in h / 1000 .1."""
+    study = ASKED["drawn"] | {"measures": ["lead", "influence"]}
+    asked = fabricated.studies(drawn=study)
+    html = written(asked, {"drawn": fabricated.made(asked.studies["drawn"], lambda *_: 0.2)})
+    found = [row[4] for row in rows(html, "study-drawn") if row[0] == "free, CAIS" and len(row) == 7]
+    assert found[0][0] == "0"
+    assert found[1] == "–"
+
+
+def test_verdicts_of_the_published_runs_are_those_of_the_same_seeds_alone() -> None:
+    """Of 20 seeds the first five lead by .2, the others not at all."""
+    claim = fabricated.claim("one", "free/cais", [0.2, 0.21, 0.22, 0.23, 0.24] + [0.0, 0.01, 0.02] * 5, 0.05, None)
+    claim["said"] = {"tests": claim["shown"]["tests"] * 2}
+    for first, word in ((0, "holds"), (5, "fails"), (2, "undecided"), (18, None)):
+        asked = fabricated.studies(one={"variants": {"one": {"first": first}}})
+        made = fabricated.made(asked.studies["one"], effect)
+        made["variants"]["one"]["claims"] = [claim | {"complete": True, "said": claim["shown"]}]
+        own = studied.studied(asked.studies, {"one": made}, {"claims": [claim]})[0]
+        assert set(own.same_seeds.values()) == ({word} if word else set())
 
 
 def test_every_study_has_a_figure_with_its_measures(html: str) -> None:

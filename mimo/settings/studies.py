@@ -275,10 +275,10 @@ def load(params: Params, path: Path = PATH) -> Studies:
         for fault in _without_donors(params, variant, {condition for condition, _ in study.pairs(own)})
     ]
     faults += [
-        f"{path}: studies.{name}.variants.{own} sets {shown(DRAW)} to what params.yaml has: that encoder is published."
+        f"{path}: studies.{name}.variants.{own} sets {shown(DRAW)} alone, to what it is as published."
         for name, study in found.studies.items()
         for own, variant in study.variants.items()
-        if variant.set.get(DRAW) == params.collect.draw
+        if variant.set == {DRAW: params.collect.draw}
     ]
     if faults:
         raise ParamsError("\n".join(faults))

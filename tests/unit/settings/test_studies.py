@@ -313,7 +313,7 @@ def test_a_key_that_a_study_lacks_is_named(key: str, tmp_path: Path) -> None:
         ({"variants": {name: {"set": {"collect.draw": 3}} for name in ("one", "two")}},
          ".variants.two and variants.one have one value of 'collect.draw'."),
         ({"variants": {"one": {"set": {"collect.draw": P.collect.draw}}}},
-         ".variants.one sets 'collect.draw' to what params.yaml has: that encoder is published."),
+         ".variants.one sets 'collect.draw' alone, to what it is as published."),
         ({"axis": "world.rope_holds"},
          ".variants.plain.set must give 'world.rope_holds', the axis, a number."),
         ({"axis": "rewards.cais.pays", "variants": {"plain": {"set": {"rewards.cais.pays": "taken"}}}},

@@ -35,19 +35,17 @@ def components(effects: Array) -> Components | None:
     """Of effects, (encoder, seed); None with fewer than two of either, or where an effect is no number."""
     if min(effects.shape) < 2 or not np.isfinite(effects).all():
         return None
+    if np.ptp(effects) == 0:  # sums of squares would be rounding's
+        return Components(0.0, 0.0, 0.0, 0.0, None)
     squares, free = _squares(effects)
     variances = _variances(squares / free, effects.shape)
-    total = float(variances.sum())
-    bounds = None
-    if total > 0:
-        draws = np.random.default_rng(0).chisquare(free, (DRAWS, 3))
-        drawn = _variances(squares / draws, effects.shape)
-        tail = (1 - judgement.LEVEL) / 2
-        low, high = np.quantile(drawn[:, 0] / drawn.sum(axis=1), (tail, 1 - tail))
-        bounds = float(low), float(high)
+    draws = np.random.default_rng(0).chisquare(free, (DRAWS, 3))
+    drawn = _variances(squares / draws, effects.shape)
+    tail = (1 - judgement.LEVEL) / 2
+    low, high = np.quantile(drawn[:, 0] / drawn.sum(axis=1), (tail, 1 - tail))
     sd = np.sqrt(variances)
-    share = float(variances[0]) / total if total > 0 else 0.0
-    return Components(float(sd[0]), float(sd[1]), float(sd[2]), share, bounds)
+    share = float(variances[0] / variances.sum())
+    return Components(float(sd[0]), float(sd[1]), float(sd[2]), share, (float(low), float(high)))
 
 
 def centre(effects: Array) -> float:

@@ -97,7 +97,7 @@ def mapped(
         `tests`: for each `claim`, `group`, `name`, `says`, `unit`, `region`, `seeds` (effects at each point), `q2`,
         `ceiling`, `noise`, `shares` (of the surface's variance, by constant), `pairs` (two constants and their share,
         the largest first), `points` (verdicts), `holds` and `fails` (shares of the space) and `published`, where all
-        is known: the surface there and the SD of what it does not know, and the published effect. `measures`: by
+        is known: the surface there, the SD of what it does not know, the published effect cut off alike. `measures`: by
         measure and cell `main`, by constant the effect at ALONG or at both of its values. `verdicts`: for each `claim`
         and `group`, `holds`, `fails`, `points` and `by`, by constant the share that holds in each bin. `together`: by
         how many verdicts hold (`holds`), and fail (`fails`), the shares of the space. `apart`: pairs of verdicts that
@@ -141,12 +141,16 @@ def _tested(
     locked: Mapping[Cell, Surface | None],
 ) -> _Tested:
     effects = np.array([np.asarray(test.measure(own, windows), np.float64) for own in curves])
-    borders = [end for end in (test.low, test.high) if np.isfinite(end)]
-    reach = CLIPPED * max(map(abs, borders)) or np.inf
-    surface = space.surface(np.clip(effects, min(borders) - reach, max(borders) + reach))
+    surface = space.surface(_clipped(test, effects))
     points, places = (_verdicts(test, surface, at, locked) for at in (space.points, drawn))
     points[~np.isfinite(effects).all(axis=1)] = UNDECIDED
     return _Tested(test, effects, surface, points, places)
+
+
+def _clipped(test: Test, effects: Array) -> Array:
+    borders = [end for end in (test.low, test.high) if np.isfinite(end)]
+    reach = CLIPPED * max(map(abs, borders)) or np.inf
+    return np.asarray(np.clip(effects, min(borders) - reach, max(borders) + reach))
 
 
 def _verdicts(test: Test, surface: Surface | None, at: Array, locked: Mapping[Cell, Surface | None]) -> Array:
@@ -189,7 +193,8 @@ def _told(
 ) -> dict[str, Any]:  # fmt: skip
     beside = None
     if own.surface is not None and space.published is not None and all(cell in published for cell in own.test.cells):
-        effect = float(judgement.interquartile_mean(np.asarray(own.test.measure(published, windows), np.float64)))
+        effects = np.asarray(own.test.measure(published, windows), np.float64)
+        effect = float(judgement.interquartile_mean(_clipped(own.test, effects)))
         found, unknown = own.surface.at(space.published[None])
         beside = [float(found[0]), float(unknown[0]), effect]
     return {

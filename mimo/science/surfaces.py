@@ -38,6 +38,11 @@ class _Fit:
     centre: float
     size: float
 
+    @property
+    def noise(self) -> float:
+        """SD of what no constant explains."""
+        return self.size * float(np.sqrt(self.process.kernel_.k2.noise_level))
+
     def at(self, points: Array) -> tuple[Array, Array]:
         """(point,) effects at (point, constant) coordinates, and the SD of what is not known of them."""
         with threadpool_limits(1):
@@ -54,7 +59,7 @@ class Surface:
     Attributes:
         fit: the process.
         nodes: by constant, coordinates at which integrals over it are taken, and their weights.
-        noise: SD between seeds at a point, one number for all points.
+        noise: SD between seeds at a point, one number for all points; with one seed, what the fit takes for noise.
         q2: share of the points' variance that is foretold of points left out, below 0 if worse than by their mean; None
             where the points do not differ.
         ceiling: share of it that is not noise, and could be foretold; None with one seed, or where they do not differ.
@@ -151,7 +156,7 @@ def surface(points: Array, effects: Array, choices: Mapping[int, Sequence[float]
     for kept, left in KFold(FOLDS, shuffle=True, random_state=0).split(points):
         foretold[left] = _fitted(points[kept], effects[kept]).at(points[left])[0]
     spread, several = float(means.var(ddof=1)), effects.shape[1] > 1
-    noise = float(np.sqrt(effects.var(axis=1, ddof=1).mean())) if several else 0.0
+    noise = float(np.sqrt(effects.var(axis=1, ddof=1).mean())) if several else fit.noise
     q2, ceiling = None, None
     if spread > 0:
         q2 = 1 - float(((means - foretold) ** 2).sum() / ((means - means.mean()) ** 2).sum())

@@ -1,11 +1,12 @@
 """studies/params.yaml: what is asked beyond the paper, each study by changing a few values of params.yaml."""
 
 import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from mimo.settings.complaints import bad_names, bad_rewards, unless
 from mimo.settings.files import ParamsError, shown
@@ -22,9 +23,11 @@ VARIED = (
 )  # fmt: skip
 MOST = 1000  # seeds
 SIGNIFICANT = 3  # digits of a point's values
+RESERVED = {"studies": ("artifacts", "effects"), "variants": ("encoders",)}  # files beside theirs have these names
+DRAW = "collect.draw"
 FIGURES = 3  # measures that a study's figure has room for
 
-Text = Annotated[str, Field(min_length=1)]
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 End = Annotated[float, Field(ge=-1e6, le=1e6)]
 Cells = Annotated[dict[Condition, Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
 
@@ -72,6 +75,8 @@ class Range(Section):
         ends = (self.low, self.high)
         if (self.of is None) == (None in ends) or (self.of and ends != (None, None)):
             return unless(["low and high, or else of, must be given"], self)
+        if self.of and self.of[0] == self.of[1]:
+            return unless(["of must have two values, not one twice"], self)
         if self.of is None and not (ends[0] < ends[1] and (ends[0] > 0 or not self.log)):  # type: ignore[operator]
             return unless(["low must be less than high, and above 0 with log"], self)
         return self
@@ -187,7 +192,7 @@ class Study(Section):
 
     @model_validator(mode="after")
     def _known(self) -> "Study":
-        faults = bad_names("variants", self.variants)
+        faults = _bad_names("variants", self.variants)
         points = [(name, place) for name, own in self.variants.items() for place in range(own.points or 0)]
         taken = [f"{name}{place:02d}" for name, place in points if f"{name}{place:02d}" in self.variants]
         faults += [f"variants has {shown(name)}, which is the name of a point" for name in taken]
@@ -205,6 +210,9 @@ class Study(Section):
                 for name, variant in self.variants.items()
                 if type(variant.set.get(self.axis)) not in (int, float)
             ]
+            faults += _alike(self.axis, self.variants)
+        if all(set(variant.set) == {DRAW} for variant in self.variants.values()):
+            faults += _alike(DRAW, self.variants)
         return unless(faults, self)
 
 
@@ -216,7 +224,23 @@ class Studies(Section):
 
     @model_validator(mode="after")
     def _named(self) -> "Studies":
-        return unless(bad_names("studies", self.studies), self)
+        return unless(_bad_names("studies", self.studies), self)
+
+
+def _bad_names(where: str, names: Iterable[str]) -> list[str]:
+    return bad_names(where, names) + [
+        f"{where} has {shown(name)}, which another file is named" for name in names if name in RESERVED[where]
+    ]
+
+
+def _alike(key: str, variants: Mapping[str, Variant]) -> list[str]:
+    """Variants that set a key to one value, where each should stand for another."""
+    first: dict[Any, str] = {}
+    faults = []
+    for name, value in ((name, variant.set[key]) for name, variant in variants.items() if key in variant.set):
+        if isinstance(value, (int, float)) and first.setdefault(value, name) != name:
+            faults.append(f"variants.{name} and variants.{first[value]} have one value of {shown(key)}")
+    return faults
 
 
 def load(params: Params, path: Path = PATH) -> Studies:
@@ -249,6 +273,12 @@ def load(params: Params, path: Path = PATH) -> Studies:
         for own, variant in study.variants.items()
         if variant.yoked
         for fault in _without_donors(params, variant, {condition for condition, _ in study.pairs(own)})
+    ]
+    faults += [
+        f"{path}: studies.{name}.variants.{own} sets {shown(DRAW)} alone, to what it is as published."
+        for name, study in found.studies.items()
+        for own, variant in study.variants.items()
+        if variant.set == {DRAW: params.collect.draw}
     ]
     if faults:
         raise ParamsError("\n".join(faults))

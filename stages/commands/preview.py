@@ -96,7 +96,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"The preview in {options.folder} failed; what went wrong is above.", file=sys.stderr)
         return code
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
-    print(f"Preview: {options.folder / 'reports' / 'index.html'} ({minutes} min {seconds} s).")
+    reports = options.folder / "reports"
+    print(f"Preview: {reports / 'index.html'}, {reports / 'studies.html'} ({minutes} min {seconds} s).")
     return 0
 
 

@@ -7,9 +7,12 @@ dvc.lock and reports/ travel by git.
 import sys
 from pathlib import Path
 
+from dvc.config import Config
+
 from stages.base import command, console, dvc
 
 REMOTE = "shared"
+MADE = {"push": "make share", "fetch": "make fetch"}
 
 
 def main() -> None:
@@ -28,6 +31,10 @@ def main() -> None:
     given = parser.parse_args()
     if given.remote:
         _dvc("remote", "add", "--local", "--force", "--default", REMOTE, given.remote)
+    elif not Config.from_cwd()["core"].get("remote"):
+        raise console.StageError(
+            f"No remote is known yet; name one, which is then kept: {MADE[given.what]} REMOTE=s3://bucket/folder."
+        )
     if given.what == "push":
         push()
     else:

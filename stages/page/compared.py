@@ -1,6 +1,6 @@
 """One effect of a study beside another: the published one of the same seeds, others along an axis, other encoders'."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -132,6 +132,11 @@ class Drawn:
         """The state that the interval over both tells."""
         return state(Found(self.centre, self.both, self.published.n, self.published.seeds), measure)
 
+    def differs(self, measure: Measure) -> bool:
+        """Whether runs differ by an SD that is worth parting: a tenth of the least effect that counts."""
+        parts = self.parts
+        return parts is not None and np.hypot(parts.encoders, np.hypot(parts.seeds, parts.rest)) >= measure.low / 10
+
     def otherwise(self, measure: Measure) -> bool:
         """Whether that is another than the published encoder's alone."""
         return self.told(measure) != state(self.published, measure)
@@ -186,22 +191,29 @@ def change(own: list[float | None], paper: list[float | None]) -> Found:
 def turned(
     variant: str, claim: str, group: str, before: Mapping[str, Any], test: Mapping[str, Any], first: int
 ) -> Turn | None:
-    """None where the verdict is the published one of the same seeds, or where the effect may be the same.
-
-    A published test that is saturated with all its seeds is so with some of them.
-    """
+    """None where the verdict is the published one of the same seeds, or where the effect may be the same."""
     twins = before["seeds"][first : first + test["n"]]
     if len(twins) < test["n"]:
         return None
-    published, own = summed(twins), summed(test["seeds"])
-    low, high = (-np.inf if test["region"][0] is None else test["region"][0]), test["region"][1]
-    bounds = None if before["saturated"] else published.interval
-    word = judgement.verdict(bounds, low, np.inf if high is None else high)
+    published, own, word = summed(twins), summed(test["seeds"]), judged(before, twins)
     moved = change(test["seeds"], twins)
     if word == test["verdict"] or not moved.certain:
         return None
     says, unit, region = test["says"], test["unit"], test["region"]
     return Turn(variant, claim, group, says, unit, region, word, test["verdict"], published, own, moved)
+
+
+def judged(test: Mapping[str, Any], seeds: list[float | None]) -> str:
+    """The verdict of a test by some of its seeds; one that is saturated with all of them is so with some."""
+    low, high = (end if end is not None else far for end, far in zip(test["region"], (-np.inf, np.inf), strict=True))
+    return judgement.verdict(None if test["saturated"] else summed(seeds).interval, low, high)
+
+
+def together(words: Sequence[str]) -> str:
+    """The verdict of all tests, as mimo.science.judgement has it."""
+    if judgement.FAILS in words:
+        return judgement.FAILS
+    return judgement.HOLDS if all(word == judgement.HOLDS for word in words) else judgement.UNDECIDED
 
 
 def line(condition: str, reward: str, points: Mapping[float, list[float | None]]) -> Line:

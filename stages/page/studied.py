@@ -21,6 +21,13 @@ from stages.page.compared import STATES, Cell, Drawn, Effects, Line, Turn
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
 DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
+# What a study must still be for its own words to be true of it: its kind, and the measures that they are about.
+WORDED = {
+    "constants": ("turned", {"burst"}), "yoked": ("plain", {"reward", "lead"}), "noise": ("along", {"lead"}),
+    "limbs": ("plain", {"lead"}), "divergences": ("plain", {"lead"}), "rivals": ("plain", {"lead"}),
+    "rope": ("along", {"lead", "burst"}), "encoders": ("draws", {"lead"}), "readings": ("turned", set[str]()),
+    "map": ("space", set[str]()), "confirmed": ("plain", set[str]()),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -58,9 +65,11 @@ class Studied:
 
     @property
     def answer(self) -> str:
-        """The template that answers it: its own or, of a study that a user adds, its kind's."""
+        """The template that answers it: its own or, of a study that a user adds or makes another, its kind's."""
         own = f"{self.name}.html.j2"
-        return f"answers/{own}" if (ANSWERS / own).exists() else f"kinds/{self.kind}.html.j2"
+        kind, needs = WORDED.get(self.name, (self.kind, set[str]()))
+        fits = (ANSWERS / own).exists() and kind == self.kind and needs <= set(self.study.measures)
+        return f"answers/{own}" if fits else f"kinds/{self.kind}.html.j2"
 
     @property
     def measures(self) -> dict[str, Measure]:
@@ -153,12 +162,39 @@ class Studied:
         """Verdicts, or tests, at points of a map: by what it foretells, then by what is found, `point: name`."""
         both: dict[str, dict[str, list[str]]] = {}
         for point in self.variants:
-            foretold = charted.space.foretold(point, tests) if point in charted.variants else {}
             found = self.judged(point, tests)
-            for name in foretold:
+            for name, word in self.foretold(charted, point, tests).items():
                 if name in found:
-                    both.setdefault(foretold[name], {}).setdefault(found[name], []).append(f"{point}: {name}")
+                    both.setdefault(word, {}).setdefault(found[name], []).append(f"{point}: {name}")
         return both
+
+    def foretold(self, charted: "Studied", point: str, tests: bool = False) -> dict[str, str]:
+        """What a map foretells at a point, as Charted has it; nothing where it has no point of the same values."""
+        twin = charted.variants.get(point)
+        same = twin is not None and twin["set"] == self.variants[point]["set"]
+        return charted.space.foretold(point, tests) if same else {}
+
+    @property
+    def verdicts(self) -> list[str]:
+        """Names of those that any variant has."""
+        return list(dict.fromkeys(name for variant in self.variants for name in self.judged(variant)))
+
+    @cached_property
+    def same_seeds(self) -> dict[str, str]:
+        """The published runs' verdicts by the study's seeds alone, named as in `verdicts`; none if they lack some."""
+        found = {}
+        for claim in self.claims if self.paired else ():
+            for group in judgement.GROUPS:
+                tests = claim[group]["tests"]
+                seeds = [test["seeds"][self.study.first :][: self.seeds] for test in tests]
+                words = [compared.judged(test, own) for test, own in zip(tests, seeds, strict=True)]
+                found[f"{claim['name']}, as {group}"] = compared.together(words)
+        return {name: word for name, word in found.items() if name in self.verdicts}
+
+    @property
+    def turned(self) -> list[int]:
+        """How many tests turn, by variant."""
+        return [len(self.turning(variant)) for variant in self.variants]
 
     @property
     def most(self) -> str:
@@ -179,6 +215,11 @@ class Studied:
         """How many published seeds there are."""
         return max((len(seeds) for cell in self.made["paper"].values() for seeds in cell.values()), default=0)
 
+    @property
+    def paired(self) -> bool:
+        """Whether the published runs have all of its seeds, to be compared with."""
+        return self.study.first + self.seeds <= self.whole
+
     def states(self, measure: str, changes: bool = False, condition: str = "") -> dict[str, list[Cell]]:
         """Cells by what a measure, or its change, is in them, in the order of STATES; `condition` as in `of`."""
         held = [cell for cell in self.of(condition=condition) if measure in (cell.changes if changes else cell.effects)]
@@ -192,11 +233,12 @@ class Studied:
         held = [cell for cell in self.of(condition=condition, reward=reward) if measure in cell.effects]
         return min(held, key=lambda cell: cell.effects[measure].effect, default=None)
 
-    def beside(self, cell: Cell, variant: str, measure: str) -> Found:
-        """The change of a cell's measure from another variant's, same condition, reward and seeds."""
+    def beside(self, cell: Cell, variant: str, measure: str) -> Found | None:
+        """The change of a cell's measure from another variant's, same condition, reward and seeds; None without one."""
         name = f"{cell.condition}/{cell.reward}"
-        own, other = (self.variants[each]["cells"][name][measure] for each in (cell.variant, variant))
-        return compared.change(own, other)
+        held = [self.variants[each]["cells"] for each in (cell.variant, variant) if each in self.variants]
+        found = [cells[name][measure] for cells in held if measure in cells.get(name, {})]
+        return compared.change(*found) if len(found) == 2 else None
 
     def all_seeds(self, condition: str, reward: str, measure: str) -> Found:
         """The published effect, of every published seed."""

@@ -15,7 +15,7 @@ WIDTH, MARGIN = 160, 6  # of a strip, in pixels
 
 Ends = tuple[float | None, float | None] | list[float | None]
 Test = Mapping[str, Any]  # as mimo.science.judgement.evaluate describes it
-Judged = Mapping[str, Any]  # reports/claims.json, or a variant in reports/studies/variants.json
+Judged = Mapping[str, Any]  # reports/claims.json, or a variant in reports/studies/STUDY.json
 
 
 @dataclass(frozen=True)
@@ -94,17 +94,3 @@ def refuted(test: Test) -> bool:
 def primary(claims: Iterable[Mapping[str, Any]]) -> list[Test]:
     """The tests that verdicts are made of, of all claims."""
     return [test for claim in claims for group, test in tests(claim) if group in judgement.GROUPS]
-
-
-def compared(published: Judged, variants: Mapping[str, Judged]) -> dict[str, list[list[Test | None]]]:
-    """By claim, a row for each test that any variant has: the published test, then each variant's."""
-    columns = [
-        {(claim["name"], group, test["name"]): test for claim in judged["claims"] for group, test in tests(claim)}
-        for judged in (published, *variants.values())
-    ]
-    rows: dict[str, list[list[Test | None]]] = {}
-    for name in dict.fromkeys(name for column in columns for name in column):
-        row = [column.get(name) for column in columns]
-        if any(row[1:]):
-            rows.setdefault(name[0], []).append(row)
-    return rows

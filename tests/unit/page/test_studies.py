@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from mimo.science import judgement
+from mimo.science import components, judgement
 from mimo.science.measures import MEASURES, Found
 from mimo.settings.params import REWARDS
 from mimo.settings.studies import PATH as SETTINGS
@@ -84,6 +84,7 @@ def _few_resamples() -> Iterator[None]:
     """Of the bootstrap: what the page says does not hang on an interval's third digit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(judgement, "RESAMPLES", 1999)
+        patch.setattr(components, "DRAWS", 1999)
         yield
 
 
@@ -213,6 +214,40 @@ def test_every_shipped_study_is_answered_by_a_template_of_its_own(name: str) -> 
         assert "nan" not in words.split()
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("change", [{"measures": ["path"]}, {"seeds": 25}], ids=["measures", "seeds"])
+def test_a_shipped_study_that_a_user_changes_has_a_page_too(change: dict[str, Any], name: str) -> None:
+    """Its own words where they are still true, else its kind's; nothing of a change from runs that there are not."""
+    asked = yaml.safe_load((ROOT / SETTINGS).read_text(encoding="utf-8"))["studies"][name]
+    study = fabricated.studies(**{name: asked | change})
+    words = plain(section(written(study, {name: fabricated.made(study.studies[name], effect)}), f"study-{name}"))
+    assert f"n = {change.get('seeds', asked['seeds'])}" in words
+    if "seeds" in change:
+        assert not re.search(
+            "certainly another than|turns a verdict|turn some|against CAIS|rises by, same seeds", words
+        )
+
+
+def test_a_study_of_other_variants_than_its_words_are_about_has_a_page_too() -> None:
+    asked = yaml.safe_load((ROOT / SETTINGS).read_text(encoding="utf-8"))["studies"]
+    limbs = asked["limbs"] | {"variants": {"right_foot": asked["limbs"]["variants"]["right_foot"]}}
+    own = {"map": {"variants": {"one": {}}}, "against": {}, "limbs": limbs}
+    study = fabricated.studies(**own)
+    html = written(study, {name: fabricated.made(it, effect) for name, it in study.studies.items()})
+    assert [name for name in own if "n = 5" in plain(section(html, f"study-{name}"))] == list(own)
+
+
+def test_a_force_from_which_the_lead_is_certain_is_told_though_none_below_is() -> None:
+    """By noise's own words."""
+    study = fabricated.studies(noise=ASKED["dose"])
+
+    def lead(variant: str, cell: str, measure: str) -> float:
+        return 0.0 if variant == "n0" and measure == "lead" else 0.2
+
+    words = plain(section(written(study, {"noise": fabricated.made(study.studies["noise"], lead)}), "study-noise"))
+    assert re.search(r"with MTL at 1, 80 N, but not below \(at 1 N 0\.\d\d \[", words)
+
+
 def test_verdicts_told_are_of_claims_all_of_whose_cells_there_are(
     asked: Studies, made: dict[str, dict[str, Any]]
 ) -> None:
@@ -227,22 +262,45 @@ def test_verdicts_told_are_of_claims_all_of_whose_cells_there_are(
 
 def test_what_fresh_seeds_find_stands_beside_what_the_map_foretold() -> None:
     """Of a point in the upper half the map foretells that claim 1 holds, as shown, and fails, as said."""
-    asked = fabricated.studies(map=ASKED["mapped"], confirmed={"seeds": 3, "variants": {"p00": {"set": {}}}})
-    made = computed(asked)
-    point = first_of(written(asked, made), "study-map")
-    asked.studies["confirmed"].variants[point] = asked.studies["confirmed"].variants.pop("p00")
+    html = confirmed(same=True)
+    words, found = told(html)
+    assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
+    assert "Tests of which they are made: of 1 foretold to hold, found 1 undecided." in words
+    assert re.search(r"Verdicts found to hold: 2 of 2 at p0\d, 2 of 2 at lone, 2 of 2 in the published runs", words)
+    assert "of the same seeds; n = 3, fresh." in words
+    assert found == [["1 one, as shown", "holds", "–", "–"], ["1 one, as said", "holds foretold fails", "–", "–"]]
+    assert rows(html, "study-confirmed")[3] == ["claim noisy/cais, as said", "–", "holds foretold nothing", "holds"]
+
+
+def test_a_point_of_other_values_was_foretold_nothing() -> None:
+    words, found = told(confirmed(same=False))
+    assert "foretold to hold" not in words
+    assert [row[1] for row in found] == ["holds foretold nothing"] * 2
+
+
+def confirmed(same: bool) -> str:
+    """The page of a study with the first point that a map names, and with a variant that is none of its points.
+
+    Args:
+        same: whether the point has the map's values.
+    """
+    asked = fabricated.studies(map=ASKED["mapped"])
+    mapped = computed(asked)
+    point = first_of(written(asked, mapped), "study-map")
+    there = mapped["map"]["variants"][point]["set"] if same else {"rewards.gain": 0.9}
+    own = {point: {"first": 2, "set": there}, "lone": {"first": 2, "cells": {"noisy": ["cais"]}}}
+    asked = fabricated.studies(map=ASKED["mapped"], confirmed={"seeds": 3, "variants": own})
     made = computed(asked)
     for claim in made["confirmed"]["variants"][point]["claims"]:
         claim["name"] = "1 one"
         claim["shown"]["tests"][0] |= {"name": "own", "verdict": "undecided"}
-    html = written(asked, made)
-    words = plain(section(html, "study-confirmed"))
-    assert "Verdicts: of 1 foretold to hold, found 1 to hold; of 1 foretold to fail, found 1 to hold." in words
-    assert "Tests of which they are made: of 1 foretold to hold, found 1 undecided." in words
-    assert f"Verdicts found to hold: 2 of 2 at {point}." in words
-    assert [row for row in rows(html, "study-confirmed") if row[0].startswith("1 one")] == [
-        ["1 one, as shown", "holds"], ["1 one, as said", "holds foretold fails"],
-    ]  # fmt: skip
+    return written(asked, made)
+
+
+def told(html: str) -> tuple[str, list[list[str]]]:
+    """What that says of the confirmed point: in words, and in rows of the table."""
+    found = [row for row in rows(html, "study-confirmed") if row[0].startswith("1 one")]
+    return plain(section(html, "study-confirmed")), found
 
 
 def test_along_an_axis_the_trend_spans_it_and_has_the_published_point(html: str) -> None:
@@ -261,7 +319,7 @@ def test_a_map_says_where_each_verdict_holds_and_where_all_do(html: str) -> None
         "In nine tenths or more these fail: 1 one, as said (100 %).",
         "2 of 2 tests are foretold at points left out",
         "Of those the largest single share is gain’s in 2.",
-        "1 of 2 effects of the published runs lie within two SD of the surface.",
+        "1 of 2 effects of the published runs lie within two SD of the surface, where 2 would if surfaces knew",
         "hardly ever at one place: 1 one, as shown with 1 one, as said.",
         "Points with most, foretold by the seeds that draw the map: p00 (1 of 2 verdicts, 1 of 2 tests)",
     ):
@@ -310,6 +368,39 @@ def test_encoders_share_of_the_variance_is_told(html: str) -> None:
     assert max(seeds, rest) < 0.05
     assert share > 0.8
     assert "4 encoders" in plain(section(html, "study-drawn"))
+
+
+def test_tests_that_turn_with_the_encoder_alone_are_told_there_and_beside_the_constants() -> None:
+    asked = fabricated.studies(asking=ASKED["asking"], encoders=ASKED["drawn"])
+
+    def lost(variant: str, cell: str, measure: str) -> float:
+        return -0.2 if variant == "draw2" else 0.2
+
+    html = written(asked, {name: fabricated.made(study, lost) for name, study in asked.studies.items()})
+    assert "of 1: draw1 0, 0 outright; draw2 1, 1 outright; draw3 0, 0 outright." in plain(html)
+    assert "from 0 to 1 of 1 tests turn: what turns no more" in plain(section(html, "study-asking"))
+
+
+def test_a_share_of_a_variance_that_is_none_is_not_told() -> None:
+    """Runs differ by some .02 in the lead; a tenth of what counts of it is .005, of a measure in h / 1000 .1."""
+    study = ASKED["drawn"] | {"measures": ["lead", "influence"]}
+    asked = fabricated.studies(drawn=study)
+    html = written(asked, {"drawn": fabricated.made(asked.studies["drawn"], lambda *_: 0.2)})
+    found = [row[4] for row in rows(html, "study-drawn") if row[0] == "free, CAIS" and len(row) == 7]
+    assert found[0][0] == "0"
+    assert found[1] == "–"
+
+
+def test_verdicts_of_the_published_runs_are_those_of_the_same_seeds_alone() -> None:
+    """Of 20 seeds the first five lead by .2, the others not at all."""
+    claim = fabricated.claim("one", "free/cais", [0.2, 0.21, 0.22, 0.23, 0.24] + [0.0, 0.01, 0.02] * 5, 0.05, None)
+    claim["said"] = {"tests": claim["shown"]["tests"] * 2}
+    for first, word in ((0, "holds"), (5, "fails"), (2, "undecided"), (18, None)):
+        asked = fabricated.studies(one={"variants": {"one": {"first": first}}})
+        made = fabricated.made(asked.studies["one"], effect)
+        made["variants"]["one"]["claims"] = [claim | {"complete": True, "said": claim["shown"]}]
+        own = studied.studied(asked.studies, {"one": made}, {"claims": [claim]})[0]
+        assert set(own.same_seeds.values()) == ({word} if word else set())
 
 
 def test_every_study_has_a_figure_with_its_measures(html: str) -> None:

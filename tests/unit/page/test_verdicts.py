@@ -2,7 +2,6 @@
 
 import pytest
 
-from mimo.science.judgement import GROUPS
 from stages.page import verdicts
 
 TEST = {"seeds": [0.1, 0.3], "effect": 0.2, "interval": [0.1, 0.3], "region": [0.05, None]}
@@ -59,28 +58,3 @@ def test_a_strip_of_one_seed_or_of_none() -> None:
     assert unsure is not None
     assert (unsure.interval, len(unsure.seeds)) == (None, 3)
     assert verdicts.strip(TEST | {"seeds": [None, None], "effect": None}) is None
-
-
-def test_what_no_variant_has_is_left_out_and_what_is_missing_is_none() -> None:
-    def judged(*names: str) -> dict:
-        """`a1` is a test of claim `a`, shown; `a1said` has its name, said."""
-        claims = [
-            {"name": name[0], "besides": []}
-            | {
-                group: {
-                    "tests": [{"name": name[:2]}] if group == ("said" if name.endswith("said") else "shown") else []
-                }
-                for group in GROUPS
-            }
-            for name in names
-        ]
-        return {"claims": claims}
-
-    rows = verdicts.compared(judged("a1", "a2", "b1"), {"x": judged("a2", "b1said"), "y": judged("b1", "c1")})
-    names = {claim: [[test and test["name"] for test in row] for row in found] for claim, found in rows.items()}
-    assert names == {
-        "a": [["a2", "a2", None]],
-        "b": [["b1", None, "b1"], [None, "b1", None]],  # one of what is shown, one of what is said
-        "c": [[None, None, "c1"]],
-    }
-    assert verdicts.compared(judged("a1"), {}) == {}

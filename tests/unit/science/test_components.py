@@ -80,6 +80,7 @@ def test_too_few_or_no_numbers_give_none(effects: np.ndarray) -> None:
     assert components.interval(effects) is None
 
 
-def test_effects_that_do_not_differ_have_no_share_to_bound() -> None:
-    found = components.components(np.ones((3, 3)))
+@pytest.mark.parametrize("effect", [1.0, 0.1, 1 / 12])  # of the last two a mean over five differs in its last bit
+def test_effects_that_do_not_differ_have_no_share_to_bound(effect: float) -> None:
+    found = components.components(np.full((5, 5), effect))
     assert found == components.Components(0, 0, 0, 0, None)

@@ -142,7 +142,9 @@ def test_effects_far_beyond_a_border_do_not_bend_the_surface(asked: Space) -> No
             {CELL: cell({"slope": far if place == 5 else x, "locked": 0.0})}
             for place, (x, _, _) in enumerate(asked.points)
         ]
-        made = space.mapped(curves, {}, WINDOWS, asked, [claim("slope", 0.5, np.inf, "slope")], [])
+        published: Curves = {CELL: {"slope": np.full((20, 4), far)}}
+        made = space.mapped(curves, published, WINDOWS, asked, [claim("slope", 0.5, np.inf, "slope")], [])
+        assert made["tests"][0]["published"][2] == pytest.approx(min(far, 2.5))  # four times the border beyond it
         return float(made["verdicts"][0]["holds"])
 
     assert share(1000.0) == pytest.approx(share(asked.points[5, 0]), abs=0.15)

@@ -219,6 +219,7 @@ def test_of_a_few_values_each_has_the_middle_of_its_stretch() -> None:
         ({"over": {"agent.gamma": {"low": 0.1}}}, ".over.'agent.gamma'.low and high, or else of, must be given."),
         ({"over": {"agent.gamma": {"low": 0.1, "high": 0.2, "of": [True, False]}}}, ".over.'agent.gamma'.low and "),
         ({"over": {"agent.gamma": {"of": ["a"]}}}, ".over.'agent.gamma'.of: list should have at least 2 items"),
+        ({"over": {"agent.gamma": {"of": ["a", "a"]}}}, ".over.'agent.gamma'.of must have two values, not one twice."),
     ],
 )  # fmt: skip
 def test_a_space_of_another_shape_is_refused(changes: dict[str, Any], sentence: str, tmp_path: Path) -> None:
@@ -298,7 +299,7 @@ def test_a_key_that_a_study_lacks_is_named(key: str, tmp_path: Path) -> None:
     ("changes", "sentence"),
     [
         ({"titel": "?"}, ".titel is not a known key; perhaps 'title' is meant."),
-        ({"title": ""}, ".title: string should have at least 1 character"),
+        ({"title": " "}, ".title: string should have at least 1 character"),
         ({"expects": 3}, ".expects must be a valid string; it is 3."),
         ({"seeds": 0}, ".seeds must be greater than 0; it is 0."),
         ({"measures": []}, ".measures: list should have at least 1 item"),
@@ -308,6 +309,11 @@ def test_a_key_that_a_study_lacks_is_named(key: str, tmp_path: Path) -> None:
          ".cells.noisy has 'cias', but 'cias' is unknown; perhaps 'cais' is meant."),
         ({"cells": {"noisy": ["rtl", "rtl"]}}, ".cells.noisy names one entry twice."),
         ({"axis": ""}, ".axis: string should have at least 1 character"),
+        ({"variants": {"encoders": PLAIN}}, ".variants has 'encoders', which another file is named."),
+        ({"variants": {name: {"set": {"collect.draw": 3}} for name in ("one", "two")}},
+         ".variants.two and variants.one have one value of 'collect.draw'."),
+        ({"variants": {"one": {"set": {"collect.draw": P.collect.draw}}}},
+         ".variants.one sets 'collect.draw' alone, to what it is as published."),
         ({"axis": "world.rope_holds"},
          ".variants.plain.set must give 'world.rope_holds', the axis, a number."),
         ({"axis": "rewards.cais.pays", "variants": {"plain": {"set": {"rewards.cais.pays": "taken"}}}},
@@ -331,8 +337,17 @@ def test_an_axis_is_set_to_a_number_by_every_variant(tmp_path: Path) -> None:
         ).replace("; .", "; ")
         + "."
     )
+    same = {name: {"set": {"conditions.noisy.force": value}} for name, value in (("one", 1), ("two", 1.0))}
+    (said,) = asked(tmp_path, **own | {"variants": same})
+    assert said == ".variants.two and variants.one have one value of 'conditions.noisy.force'."
     doses = {"one": {"set": {"conditions.noisy.force": 1.0}}, "two": {"set": {"conditions.noisy.force": 2}}}
     assert found(**own | {"variants": doses}).axis == "conditions.noisy.force"
+
+
+@pytest.mark.parametrize("name", ["artifacts", "effects"])
+def test_a_study_may_not_have_the_name_of_another_file(name: str, tmp_path: Path) -> None:
+    said = f"studies has {name!r}, which another file is named."
+    assert STUDIES.faults(tmp_path, {("studies",): {name: STUDY}}) == [said]
 
 
 def test_studies_cannot_be_none(tmp_path: Path) -> None:

@@ -13,20 +13,19 @@ from typing import Any
 from mimo.record.streams import CONDITIONS
 from mimo.science import judgement
 from mimo.science.measures import MEASURES, Found, Measure
-from mimo.settings.studies import FIGURES, Study
+from mimo.settings.studies import DRAW, FIGURES, Study
 from stages.page import compared, verdicts
 from stages.page.charted import Charted
 from stages.page.compared import STATES, Cell, Drawn, Effects, Line, Turn
 
 REFERENCE = "cais"  # the published reward that stands beside those that the paper has not
-DRAW = "collect.draw"  # a study that changes this alone is of encoders
 ANSWERS = Path(__file__).with_name("html") / "answers"
 # What a study must still be for its own words to be true of it: its kind, and the measures that they are about.
-WORDED = {
-    "constants": ("turned", {"burst"}), "yoked": ("plain", {"reward", "lead"}), "noise": ("along", {"lead"}),
-    "limbs": ("plain", {"lead"}), "divergences": ("plain", {"lead"}), "rivals": ("plain", {"lead"}),
-    "rope": ("along", {"lead", "burst"}), "encoders": ("draws", {"lead"}), "readings": ("turned", set[str]()),
-    "map": ("space", set[str]()), "confirmed": ("plain", set[str]()),
+WORDED: dict[str, tuple[str, list[str]]] = {
+    "constants": ("turned", ["burst"]), "readings": ("turned", []), "yoked": ("plain", ["reward", "lead"]),
+    "noise": ("along", ["lead"]), "limbs": ("plain", ["lead"]), "divergences": ("plain", ["lead"]),
+    "rivals": ("plain", ["lead"]), "rope": ("along", ["lead", "burst"]), "encoders": ("draws", ["lead"]),
+    "map": ("space", []), "confirmed": ("plain", []),
 }  # fmt: skip
 
 
@@ -67,8 +66,8 @@ class Studied:
     def answer(self) -> str:
         """The template that answers it: its own or, of a study that a user adds or makes another, its kind's."""
         own = f"{self.name}.html.j2"
-        kind, needs = WORDED.get(self.name, (self.kind, set[str]()))
-        fits = (ANSWERS / own).exists() and kind == self.kind and needs <= set(self.study.measures)
+        kind, needs = WORDED.get(self.name, (self.kind, []))
+        fits = (ANSWERS / own).exists() and kind == self.kind and set(needs) <= set(self.study.measures)
         return f"answers/{own}" if fits else f"kinds/{self.kind}.html.j2"
 
     @property

@@ -33,6 +33,8 @@ QUIET = (
 PHONE, DESK, PAPER = 390, 1440, 673  # pixels; paper is A4 less its margins
 PICTURES = "return [...document.images].map(image => image.complete && image.naturalWidth)"
 OVERFLOW = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+CURVES = "return [...document.querySelectorAll('#panels .mean')].map(path => path.getAttribute('d'))"
+DRAWN = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))"
 PROGRAMS = shutil.which("chromium"), shutil.which("chromedriver")
 
 FILMS = sorted((ROOT / paths.FILMS).glob("*.mp4"))
@@ -71,17 +73,20 @@ def opened(browser: Chrome, project: Path, page: Path = paths.REPORT) -> Chrome:
 
 
 def widen(browser: Chrome, width: int, media: str = "") -> None:
+    """Give the page this width in pixels, and wait until what follows its width is drawn again."""
     metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width == PHONE}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media})
+    browser.execute_async_script(DRAWN)
 
 
 def reading(browser: Chrome) -> str:
     return browser.find_element(By.ID, "reading").text
 
 
-def curves(browser: Chrome) -> list[str | None]:
-    return [path.get_attribute("d") for path in browser.find_elements(By.CSS_SELECTOR, "#panels .mean")]
+def curves(browser: Chrome) -> list[str]:
+    """The lines that the explorer draws, as they are at one moment."""
+    return list(browser.execute_script(CURVES))
 
 
 def choose(browser: Chrome, name: str, text: str) -> None:
@@ -211,7 +216,7 @@ def test_the_explorer_is_read_by_keyboard_and_by_pointer(made: Chrome) -> None:
     choose(made, "reward", "MTL + Surprise")
     assert "(baseline)" in reading(made)
     widen(made, PHONE)
-    WebDriverWait(made, 5).until(lambda page: page.find_element(By.CSS_SELECTOR, "#panels svg").size["width"] < PHONE)
+    assert made.execute_script("return document.querySelector('#panels svg').clientWidth") < PHONE
     assert made.execute_script(OVERFLOW) == 0
 
 

@@ -30,11 +30,16 @@ class Page(HTMLParser):
         self.text += data
 
 
-def rows(html: str, section: str) -> list[list[str]]:
+def section(html: str, name: str) -> str:
+    found = re.search(rf'<section id="{name}">.*?</section>', html, re.DOTALL)
+    assert found
+    return found[0]
+
+
+def rows(html: str, name: str) -> list[list[str]]:
     """The cells' texts of a section's table rows, heads left out."""
-    part = re.search(f'<section id="{section}">.*?</section>', html, re.DOTALL)
-    assert part
-    found = re.findall(r"<tr>\s*(<td.*?)</tr>", re.sub(r"<svg.*?</svg>|<br>", " ", part[0], flags=re.DOTALL), re.DOTALL)
+    part = re.sub(r"<svg.*?</svg>|<br>", " ", section(html, name), flags=re.DOTALL)
+    found = re.findall(r"<tr>\s*(<td.*?)</tr>", part, re.DOTALL)
     return [[" ".join(Page(cell).text.split()) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)] for row in found]
 
 

@@ -17,7 +17,7 @@ from mimo.settings import studies as settings
 from stages.base import paths
 from stages.page import page
 from tests.unit.page import fabricated
-from tests.unit.page.test_studies import ASKED, EFFECTS, computed, effect
+from tests.unit.page.kinds import ASKED, EFFECTS, computed, effect
 
 ROOT = Path(__file__).resolve().parents[3]
 QUIET = (
